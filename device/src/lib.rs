@@ -1,0 +1,1 @@
+//! The VolumePro 500 card as a vfio-user device process.

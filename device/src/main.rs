@@ -1,0 +1,2 @@
+//! The `volumepro-device` process.
+fn main() {}

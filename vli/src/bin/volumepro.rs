@@ -1,0 +1,2 @@
+//! The `volumepro` command.
+fn main() {}
