@@ -1,0 +1,114 @@
+//! Number formats. Each one that a register or a pipeline stage uses is a constant of this type, so
+//! that bits, fraction, rounding, saturation and source are written in one place.
+
+/// A fixed-point format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NumberFormat {
+    /// Name as the manual prints it.
+    pub name: &'static str,
+    /// Whether the value is two's complement.
+    pub signed: bool,
+    /// Bits in all, the sign included.
+    pub bits: u32,
+    /// Bits behind the binary point.
+    pub fraction: u32,
+    /// How a value comes into the format, what happens at the ends of its range, and the source.
+    pub note: &'static str,
+}
+
+/// Whole number; out of range is refused.
+pub const INTEGER: NumberFormat = NumberFormat {
+    name: "integer",
+    signed: false,
+    bits: 32,
+    fraction: 0,
+    note: "whole number; out of range is refused",
+};
+
+/// Enumeration or set of flags.
+pub const CODE: NumberFormat =
+    NumberFormat { name: "code", signed: false, bits: 32, fraction: 0, note: "enumeration or flags" };
+
+/// Voxel coordinate in 16 signed bits.
+pub const VOXEL: NumberFormat = NumberFormat {
+    name: "S15.0",
+    signed: true,
+    bits: 16,
+    fraction: 0,
+    note: "voxel coordinate relative to the bound store; our choice: a store is at most 256 voxels, but the \
+           bounds of a larger volume may lie outside of it",
+};
+
+/// Ray position in the first slice.
+pub const RAY_POSITION: NumberFormat = NumberFormat {
+    name: "S9.22",
+    signed: true,
+    bits: 32,
+    fraction: 22,
+    note: "voxels; 22 fraction bits keep the drift of 2048 steps below 1/16 of a weight step; driver rounds to \
+           nearest",
+};
+
+/// Ray step per sample slice.
+pub const RAY_STEP: NumberFormat = NumberFormat {
+    name: "U1.22",
+    signed: false,
+    bits: 23,
+    fraction: 22,
+    note: "voxels per sample slice, 0..=1 (the permutation makes the shear non-negative, paper section 2); driver \
+           rounds to nearest",
+};
+
+/// Bound of cropping, and position of the cursor.
+pub const BOUND: NumberFormat = NumberFormat {
+    name: "S23.8",
+    signed: true,
+    bits: 32,
+    fraction: 8,
+    note: "voxels in object space relative to the store; compared with sample positions of 8 fraction bits",
+};
+
+/// Coefficient of the cut plane.
+pub const CUT_COEFFICIENT: NumberFormat = NumberFormat {
+    name: "S1.14",
+    signed: true,
+    bits: 16,
+    fraction: 14,
+    note: "component of the unit normal in object voxel space; times a position it has 22 fraction bits, exactly",
+};
+
+/// Distance of a face of the cut plane, low and high word together.
+pub const CUT_DISTANCE: NumberFormat = NumberFormat {
+    name: "S41.22",
+    signed: true,
+    bits: 64,
+    fraction: 22,
+    note: "voxels along the normal, two words; about 37 bits are needed",
+};
+
+/// Reciprocal of the cut plane's falloff.
+pub const CUT_RECIPROCAL: NumberFormat = NumberFormat {
+    name: "U1.16",
+    signed: false,
+    bits: 17,
+    fraction: 16,
+    note: "1 / falloff width in voxels, 1/16..=1; 0 is a hard edge",
+};
+
+/// Component of the eye vector.
+pub const EYE: NumberFormat = NumberFormat {
+    name: "S0.15",
+    signed: true,
+    bits: 16,
+    fraction: 15,
+    note: "component of the unit vector towards the eye in object axes; 1 saturates to 32767/32768",
+};
+
+/// Coefficient or colour of 8 bits.
+pub const FACTOR: NumberFormat = NumberFormat {
+    name: "U0.8",
+    signed: false,
+    bits: 8,
+    fraction: 8,
+    note: "0..=255 stands for 0..=1; the pipeline scales it to (v << 7) | (v >> 1), so that 255 is an exact one",
+};
