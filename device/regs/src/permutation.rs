@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn repeated_axes_and_reserved_bits_are_refused() {
-        for word in [0x000, 0x211 - 1, 0x213, 0x8210, 0x1210, 0x218] {
+        for word in [0x000, 0x211, 0x213, 0x8210, 0x1210, 0x218] {
             assert_eq!(Permutation::from_word(word), None, "{word:#x}");
         }
         assert_eq!(Permutation::from_word(0x210), Some(Permutation::IDENTITY));
