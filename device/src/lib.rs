@@ -1,1 +1,4 @@
 //! The VolumePro 500 card as a vfio-user device process.
+
+pub mod backing;
+pub mod protocol;
