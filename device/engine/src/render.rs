@@ -1,0 +1,130 @@
+//! What a renderer is given, what it does, and what it reports.
+
+use crate::cycles::cycles;
+use crate::frame::FrameDescription;
+use crate::plan::Plan;
+use crate::reference;
+use crate::tables::Tables;
+use core::sync::atomic::{AtomicBool, Ordering};
+use vg500_regs::table::report_omitted as omitted;
+use vg500_regs::table::table_select;
+use vg500_regs::{Fault, FaultCode, Field, FrameRegisters, SharedView};
+
+/// The mapped memories that a frame reads and writes.
+#[derive(Clone, Copy, Debug)]
+pub struct Memories<'a> {
+    /// Voxel memory.
+    pub voxel: SharedView<'a>,
+    /// Pixel memory.
+    pub pixel: SharedView<'a>,
+}
+
+/// A frame to render: what the start command took.
+#[derive(Clone, Debug)]
+pub struct Task {
+    /// The frame.
+    pub frame: FrameDescription,
+    /// Its tables.
+    pub tables: Tables,
+}
+
+/// Lets another thread stop a frame.
+#[derive(Debug, Default)]
+pub struct Cancel(AtomicBool);
+
+impl Cancel {
+    /// Asks the frame to stop; it does so within a sample slice.
+    pub fn cancel(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// A fault once the frame is to stop.
+    pub fn check(&self) -> Result<(), Fault> {
+        let fault = Fault::new(FaultCode::Cancelled, vg500_regs::table::start::PLANE);
+        if self.0.load(Ordering::Relaxed) { Err(fault) } else { Ok(()) }
+    }
+}
+
+/// What a finished frame was.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// Samples that exist on the frame's rays.
+    pub samples: u64,
+    /// Samples that were processed.
+    pub processed: u64,
+    /// Clock cycles that the real chip would have taken.
+    pub cycles: u64,
+    /// What was left out: bits of the register `REPORT_OMITTED`.
+    pub omitted: u32,
+    /// Samples left out because their block cannot be seen.
+    pub empty: u64,
+    /// Samples left out because their ray can no longer change.
+    pub finished: u64,
+    /// CRC-32 (IEEE) of the stored pixels, row by row.
+    pub checksum: u32,
+}
+
+/// A renderer of the card.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Renderer {
+    /// The renderer that defines the card.
+    Reference,
+}
+
+impl Renderer {
+    /// The code of the register `RENDERER`.
+    #[must_use]
+    pub const fn code(self) -> u32 {
+        match self {
+            Self::Reference => 1,
+        }
+    }
+
+    /// Takes a frame from the registers (the start command included) and table memory.
+    pub fn take(
+        self,
+        registers: &FrameRegisters,
+        tables: &SharedView<'_>,
+        voxel_memory: usize,
+    ) -> Result<Task, Fault> {
+        let frame = FrameDescription::decode(registers, voxel_memory)?;
+        match self {
+            Self::Reference => reference::serves(&frame)?,
+        }
+        let tables = Tables::copy_from(tables, frame.copies)
+            .map_err(|_| Fault::new(FaultCode::Range, table_select::COLOR))?;
+        Ok(Task { frame, tables })
+    }
+
+    /// Renders a frame into pixel memory.
+    pub fn render(self, task: &Task, memories: Memories<'_>, cancel: &Cancel) -> Result<Report, Fault> {
+        let plan = Plan::new(&task.frame);
+        let checksum = match self {
+            Self::Reference => reference::render(task, &plan, memories, cancel)?,
+        };
+        let samples = plan.samples();
+        Ok(Report {
+            samples,
+            processed: samples,
+            cycles: cycles(&task.frame),
+            omitted: left_out(&task.frame),
+            checksum,
+            ..Report::default()
+        })
+    }
+}
+
+/// Stages that no pixel of the frame depends on, as bits of the register `REPORT_OMITTED`.
+fn left_out(frame: &FrameDescription) -> u32 {
+    let visibility = &frame.visibility;
+    let stages: [(bool, Field); 7] = [
+        (true, omitted::GRADIENT),
+        (true, omitted::ILLUMINATION),
+        (true, omitted::MODULATION),
+        (visibility.crop.is_none(), omitted::CROP),
+        (visibility.cut.is_none(), omitted::CUT),
+        (visibility.cursor.is_none(), omitted::CURSOR),
+        (visibility.bounds_contain_all(frame.volume.size), omitted::SUBVOLUME),
+    ];
+    stages.iter().filter(|(left_out, _)| *left_out).fold(0, |bits, (_, field)| bits | field.mask())
+}

@@ -1,0 +1,7 @@
+//! The stages of the pipeline, in the order of the paper's Figure 4.
+
+pub mod classify;
+pub mod composite;
+pub mod illuminate;
+pub mod interpolate;
+pub mod visibility;
