@@ -1,4 +1,6 @@
 //! The VolumePro 500 card as a vfio-user device process.
 
 pub mod backing;
+pub mod interrupt;
+pub mod pci;
 pub mod protocol;
