@@ -7,7 +7,7 @@ use crate::plan::{Plan, SampleSlice};
 use crate::render::{Cancel, Memories, Task};
 use crate::stage::classify::{Classified, classify};
 use crate::stage::composite::Ray;
-use crate::stage::illuminate::emit;
+use crate::stage::illuminate::{Light, illuminate};
 use crate::stage::interpolate::{guard, trilinear, unguard};
 use vg500_regs::limit::SUM_SAMPLES;
 use vg500_regs::memory::plane_offset;
@@ -101,7 +101,7 @@ fn render_slice(task: &Task, slice: &SampleSlice, voxels: &VoxelSlices<'_>, rays
             let corners = voxels.corners(slice.x.voxel(i), slice.y.voxel(j));
             let value = unguard(trilinear(corners, weights));
             let Classified { color, alpha } = classify(&task.tables, value);
-            let color = emit(&task.frame.illumination, color);
+            let color = illuminate(&task.frame.illumination, color, Light::default(), 0);
             let ray = &mut rays[(row * width + column) as usize];
             ray.blend(task.frame.output.blend, value, Classified { color, alpha });
         }

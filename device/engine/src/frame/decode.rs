@@ -18,7 +18,7 @@ impl FrameDescription {
                 .ok_or(value_of(permutation::X_AXIS))?,
             rays: rays(registers)?,
             visibility: visibility(registers)?,
-            illumination: illumination(registers),
+            illumination: illumination(registers)?,
             output: output(registers)?,
             copies: [
                 table_select::COLOR,
@@ -155,9 +155,9 @@ fn cursor(registers: &FrameRegisters) -> Result<Option<Cursor>, Fault> {
     }))
 }
 
-fn illumination(registers: &FrameRegisters) -> Illumination {
+fn illumination(registers: &FrameRegisters) -> Result<Illumination, Fault> {
     let factor = |field| registers.get(field) as u8;
-    Illumination {
+    let illumination = Illumination {
         emissive: factor(material::EMISSIVE),
         diffuse: factor(material::DIFFUSE),
         specular: factor(material::SPECULAR),
@@ -165,7 +165,18 @@ fn illumination(registers: &FrameRegisters) -> Illumination {
         eye: [eye_xy::X, eye_xy::Y, eye_z::Z].map(|field| registers.get_signed(field) as i16),
         modulate: [modulation::OPACITY, modulation::DIFFUSE, modulation::SPECULAR]
             .map(|field| registers.get(field) != 0),
+    };
+    if illumination.specular != 0 && !is_unit(illumination.eye) {
+        return Err(value_of(eye_xy::X));
     }
+    Ok(illumination)
+}
+
+/// Whether a vector in S0.15 has unit length within 1/2048, which is what reflection counts on.
+fn is_unit(vector: [i16; 3]) -> bool {
+    let square: i64 = vector.iter().map(|&component| i64::from(component) * i64::from(component)).sum();
+    let one: i64 = 1 << 30;
+    (square - one).abs() <= one >> 10
 }
 
 fn output(registers: &FrameRegisters) -> Result<Output, Fault> {
@@ -299,6 +310,17 @@ mod tests {
         largest.set(volume_pitch::ROW, 0xffe0);
         largest.set(volume_pitch::ROWS, 0xffe0);
         assert_eq!(FrameDescription::decode(&largest, MEMORY), Err(range));
+    }
+
+    #[test]
+    fn reflection_needs_a_unit_eye_vector() {
+        let mut registers = valid();
+        registers.set(material::SPECULAR, 1);
+        for (eye, valid) in [([0, 0], false), ([32767, 0], true), ([-32768, 0], true), ([32767; 2], false)] {
+            registers.set_signed(eye_xy::X, eye[0]);
+            registers.set_signed(eye_z::Z, eye[1]);
+            assert_eq!(FrameDescription::decode(&registers, MEMORY).is_ok(), valid, "{eye:?}");
+        }
     }
 
     #[test]

@@ -2,6 +2,10 @@
 
 pub mod classify;
 pub mod composite;
+pub mod gradient;
 pub mod illuminate;
 pub mod interpolate;
+pub mod magnitude;
+pub mod reflect;
+pub mod reflectance;
 pub mod visibility;
