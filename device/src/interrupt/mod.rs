@@ -4,6 +4,8 @@
 //! tables and their masks are the client's own affair, as for every VFIO device; the device writes to event
 //! descriptors.
 
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
+
 mod line;
 #[cfg(test)]
 mod tests;
@@ -253,7 +255,9 @@ impl State {
 
     /// The kind of message that the client has enabled.
     fn messages(&mut self) -> Option<Kind> {
-        [Kind::Msix, Kind::Msi].into_iter().find(|&kind| self.of(kind).iter().any(|line| line.event.is_some()))
+        [Kind::Msix, Kind::Msi]
+            .into_iter()
+            .find(|&kind| self.of(kind).iter().any(|line| line.event.is_some()))
     }
 }
 
