@@ -1,1 +1,4 @@
 //! The Volume Library Interface.
+
+pub mod geometry;
+pub mod warp;
