@@ -1,33 +1,26 @@
 //! The reference renderer: it defines what the card computes. Scalar, stage by stage, slice by slice.
 
-use crate::frame::FrameDescription;
+use crate::fixed::{ONE_VOXEL, round_shift, scale, unity};
+use crate::frame::{Cursor, FrameDescription, Needs};
 use crate::memory::pixel;
-use crate::memory::voxel::PermutedVolume;
+use crate::memory::voxel::{PermutedVolume, VoxelSlices};
 use crate::plan::{Plan, SampleSlice};
 use crate::render::{Cancel, Memories, Task};
 use crate::stage::classify::{Classified, classify};
 use crate::stage::composite::Ray;
-use crate::stage::illuminate::{Light, illuminate};
-use crate::stage::interpolate::{guard, trilinear, unguard};
+use crate::stage::gradient::{from_difference, from_samples, to_object, voxel_difference};
+use crate::stage::illuminate::{Light, illuminate, light};
+use crate::stage::interpolate::trilinear;
+use crate::stage::magnitude::magnitude;
+use crate::stage::sample::SampleGrid;
 use vg500_regs::limit::SUM_SAMPLES;
 use vg500_regs::memory::plane_offset;
-use vg500_regs::shared::OutOfRange;
 use vg500_regs::table::*;
 use vg500_regs::{BlendMode, Fault, FaultCode, SharedView};
 
 /// A fault unless the renderer does what the frame asks for.
 pub fn serves(frame: &FrameDescription) -> Result<(), Fault> {
-    let illumination = &frame.illumination;
-    let asked = [
-        (illumination.diffuse != 0, material::DIFFUSE),
-        (illumination.specular != 0, material::SPECULAR),
-        (illumination.modulate[0], modulation::OPACITY),
-        (frame.visibility.crop.is_some(), crop_flags::TERM_0),
-        (frame.visibility.cut.is_some(), cut_control::ENABLE),
-        (frame.visibility.cursor.is_some(), cursor_control::ENABLE_X),
-        (frame.output.cursor_only, output::CURSOR_ONLY),
-        (frame.output.sections, output::SECTIONS),
-    ];
+    let asked = [(frame.output.sections, output::SECTIONS)];
     match asked.iter().find(|(asked, _)| *asked) {
         Some((_, field)) => Err(Fault::new(FaultCode::NotServed, *field)),
         None => Ok(()),
@@ -36,82 +29,144 @@ pub fn serves(frame: &FrameDescription) -> Result<(), Fault> {
 
 /// Renders a frame into pixel memory; returns the checksum of its pixels.
 pub fn render(task: &Task, plan: &Plan, memories: Memories<'_>, cancel: &Cancel) -> Result<u32, Fault> {
-    let volume = PermutedVolume::new(&task.frame, memories.voxel);
-    let mut rays = first_rays(&task.frame, plan, memories.pixel)?;
-    let mut voxels = VoxelSlices::new(volume);
+    let frame = &task.frame;
+    let mut rays = first_rays(frame, plan, memories.pixel)?;
+    if !frame.output.cursor_only {
+        render_volume(task, plan, memories.voxel, &mut rays, cancel)?;
+    }
+    // In alpha blending the cursor's samples are blended with those of the volume.
+    if let Some(cursor) = frame.visibility.cursor.filter(|_| frame.output.blend != BlendMode::Alpha) {
+        for slice in plan.slices.iter().rev() {
+            cancel.check()?;
+            cover_with_cursor(frame, &cursor, slice, &mut rays);
+        }
+    }
+    store(frame, &rays, memories.pixel)
+}
+
+/// Front to back, slice by slice.
+fn render_volume(
+    task: &Task,
+    plan: &Plan,
+    voxels: SharedView<'_>,
+    rays: &mut [Ray],
+    cancel: &Cancel,
+) -> Result<(), Fault> {
+    let needs = task.frame.needs();
+    let margin = i64::from(needs.gradient);
+    let mut voxels = VoxelSlices::new(PermutedVolume::new(&task.frame, voxels));
+    let mut samples = SampleGrid::default();
     for slice in &plan.slices {
         cancel.check()?;
         let below = slice.voxel_slice();
-        voxels.load(below).map_err(outside_voxel_memory)?;
-        render_slice(task, slice, &voxels, &mut rays);
-    }
-    store(&task.frame, &rays, memories.pixel)
-}
-
-fn outside_voxel_memory(_: OutOfRange) -> Fault {
-    Fault::new(FaultCode::Range, volume_base::OFFSET)
-}
-
-/// The voxel slices on both sides of a sample slice.
-struct VoxelSlices<'a> {
-    volume: PermutedVolume<'a>,
-    below: Option<i64>,
-    slices: [Vec<u16>; 2],
-}
-
-impl<'a> VoxelSlices<'a> {
-    const fn new(volume: PermutedVolume<'a>) -> Self {
-        Self { volume, below: None, slices: [Vec::new(), Vec::new()] }
-    }
-
-    /// Brings in the voxel slices `below` and `below + 1`; each is read once per frame.
-    fn load(&mut self, below: i64) -> Result<(), OutOfRange> {
-        if self.below == Some(below) {
-            return Ok(());
+        voxels
+            .load(below - margin..=below + 1 + margin)
+            .map_err(|_| Fault::new(FaultCode::Range, volume_base::OFFSET))?;
+        samples.interpolate(slice, &voxels, margin);
+        for row in slice.y.rays.clone() {
+            for column in slice.x.rays.clone() {
+                let beam =
+                    Sample { task, needs, slice, voxels: &voxels, samples: &samples, ray: [column, row] };
+                beam.composite(&mut rays[(row * task.frame.rays.size[0] + column) as usize]);
+            }
         }
-        self.slices.swap(0, 1);
-        if self.below != Some(below - 1) {
-            self.volume.read_slice(below, &mut self.slices[0])?;
+    }
+    Ok(())
+}
+
+/// One sample on its way down the pipeline.
+struct Sample<'a> {
+    task: &'a Task,
+    needs: Needs,
+    slice: &'a SampleSlice,
+    voxels: &'a VoxelSlices<'a>,
+    samples: &'a SampleGrid,
+    ray: [u32; 2],
+}
+
+impl Sample<'_> {
+    fn composite(&self, ray: &mut Ray) {
+        let frame = &self.task.frame;
+        let position = object_position(frame, self.slice, self.ray);
+        if !frame.visibility.block_contains(position) {
+            return;
         }
-        self.below = Some(below);
-        self.volume.read_slice(below + 1, &mut self.slices[1])
+        let factor = frame.visibility.factor(position);
+        if frame.output.blend == BlendMode::Alpha
+            && let Some(cursor) = cursor_sample(frame, position, factor)
+        {
+            ray.blend(BlendMode::Alpha, 0, cursor);
+        }
+        if factor > 0 {
+            let [column, row] = self.ray.map(i64::from);
+            let value = self.samples.at(column, row);
+            ray.blend(frame.output.blend, value, self.shade(value, factor));
+        }
     }
 
-    /// The corners of the cell whose lowest voxel is (x, y); reads past the volume replicate its faces.
-    fn corners(&self, x: i64, y: i64) -> [[[i32; 2]; 2]; 2] {
-        let [width, height, _] = self.volume.size;
-        let columns = [x, x + 1].map(|x| x.clamp(0, width as i64 - 1) as usize);
-        let rows = [y, y + 1].map(|y| y.clamp(0, height as i64 - 1) as usize);
-        [0, 1].map(|slice| {
-            rows.map(|row| columns.map(|column| guard(self.slices[slice][row * width + column])))
-        })
+    /// Classification and illumination.
+    fn shade(&self, value: u16, factor: u32) -> Classified {
+        let illumination = &self.task.frame.illumination;
+        let classified = classify(&self.task.tables, value);
+        let gradient = if self.needs.gradient { self.gradient() } else { [0; 3] };
+        let modulation = match self.needs.magnitude {
+            true => self.task.tables.gradient_magnitude[usize::from(magnitude(gradient))],
+            false => u8::MAX,
+        };
+        let light = if self.needs.light {
+            light(illumination, &self.task.tables, gradient)
+        } else {
+            Light::default()
+        };
+        let mut alpha = classified.alpha;
+        if self.needs.opacity_modulation {
+            alpha = scale(alpha, unity(modulation));
+        }
+        if self.task.frame.output.blend == BlendMode::Alpha {
+            alpha = round_shift(i64::from(alpha) * i64::from(factor), 8) as u16;
+        }
+        Classified { color: illuminate(illumination, classified.color, light, modulation), alpha }
+    }
+
+    /// The gradient in object axes.
+    fn gradient(&self) -> [i32; 3] {
+        let [column, row] = self.ray.map(i64::from);
+        let x = from_samples(self.samples.at(column - 1, row), self.samples.at(column + 1, row));
+        let y = from_samples(self.samples.at(column, row - 1), self.samples.at(column, row + 1));
+        let SampleSlice { x: across, y: down, .. } = self.slice;
+        let cell = [across.voxel(column), down.voxel(row), self.slice.voxel_slice()];
+        let [before, behind] = [-1, 1].map(|step| self.voxels.corners([cell[0], cell[1], cell[2] + step]));
+        let difference = |z: usize, y: usize, x: usize| voxel_difference(before[z][y][x], behind[z][y][x]);
+        let differences = [0, 1].map(|z| [0, 1].map(|y| [0, 1].map(|x| difference(z, y, x))));
+        let z = trilinear(differences, [across.weight(), down.weight(), self.slice.weight_z()]);
+        to_object([x, y, from_difference(z)], &self.task.frame.permutation)
     }
 }
 
-fn render_slice(task: &Task, slice: &SampleSlice, voxels: &VoxelSlices<'_>, rays: &mut [Ray]) {
-    let weights = [slice.x.weight(), slice.y.weight(), slice.weight_z()];
-    let width = task.frame.rays.size[0];
+/// Position of a ray's sample in object space, 1/256 voxel.
+fn object_position(frame: &FrameDescription, slice: &SampleSlice, ray: [u32; 2]) -> [i64; 3] {
+    let permuted = [slice.x.position(i64::from(ray[0])), slice.y.position(i64::from(ray[1])), slice.z];
+    frame.permutation.to_object(permuted, frame.volume.size.map(|size| i64::from(size - 1) * ONE_VOXEL))
+}
+
+/// The cursor's sample at a position where `factor` of the volume's opacity is left.
+fn cursor_sample(frame: &FrameDescription, position: [i64; 3], factor: u32) -> Option<Classified> {
+    let cursor = frame.visibility.cursor.as_ref()?;
+    if factor > 0 || cursor.disable_crop { cursor.sample(position) } else { None }
+}
+
+/// Blends the cursor's samples of a slice over finished rays.
+fn cover_with_cursor(frame: &FrameDescription, cursor: &Cursor, slice: &SampleSlice, rays: &mut [Ray]) {
     for row in slice.y.rays.clone() {
         for column in slice.x.rays.clone() {
-            let [i, j] = [i64::from(column), i64::from(row)];
-            let position = [slice.x.position(i), slice.y.position(j), slice.z];
-            if !is_visible(&task.frame, position) {
-                continue;
+            let position = object_position(frame, slice, [column, row]);
+            let seen = frame.visibility.block_contains(position)
+                && (cursor.disable_crop || frame.visibility.factor(position) > 0);
+            if let Some(sample) = cursor.sample(position).filter(|_| seen) {
+                rays[(row * frame.rays.size[0] + column) as usize].cover(frame.output.blend, sample);
             }
-            let corners = voxels.corners(slice.x.voxel(i), slice.y.voxel(j));
-            let value = unguard(trilinear(corners, weights));
-            let Classified { color, alpha } = classify(&task.tables, value);
-            let color = illuminate(&task.frame.illumination, color, Light::default(), 0);
-            let ray = &mut rays[(row * width + column) as usize];
-            ray.blend(task.frame.output.blend, value, Classified { color, alpha });
         }
     }
-}
-
-/// Whether the sample at a permuted position can be seen.
-fn is_visible(frame: &FrameDescription, position: [i64; 3]) -> bool {
-    let last = frame.volume.size.map(|size| i64::from(size - 1) << crate::fixed::POSITION_BITS);
-    frame.visibility.bounds_contain(frame.permutation.to_object(position, last))
 }
 
 /// Rays as they begin: empty, or with the accumulators of an earlier frame.

@@ -6,9 +6,8 @@ use crate::plan::Plan;
 use crate::reference;
 use crate::tables::Tables;
 use core::sync::atomic::{AtomicBool, Ordering};
-use vg500_regs::table::report_omitted as omitted;
 use vg500_regs::table::table_select;
-use vg500_regs::{Fault, FaultCode, Field, FrameRegisters, SharedView};
+use vg500_regs::{Fault, FaultCode, FrameRegisters, SharedView};
 
 /// The mapped memories that a frame reads and writes.
 #[derive(Clone, Copy, Debug)]
@@ -107,24 +106,9 @@ impl Renderer {
             samples,
             processed: samples,
             cycles: cycles(&task.frame),
-            omitted: left_out(&task.frame),
+            omitted: task.frame.needs().omitted(),
             checksum,
             ..Report::default()
         })
     }
-}
-
-/// Stages that no pixel of the frame depends on, as bits of the register `REPORT_OMITTED`.
-fn left_out(frame: &FrameDescription) -> u32 {
-    let visibility = &frame.visibility;
-    let stages: [(bool, Field); 7] = [
-        (true, omitted::GRADIENT),
-        (true, omitted::ILLUMINATION),
-        (true, omitted::MODULATION),
-        (visibility.crop.is_none(), omitted::CROP),
-        (visibility.cut.is_none(), omitted::CUT),
-        (visibility.cursor.is_none(), omitted::CURSOR),
-        (visibility.bounds_contain_all(frame.volume.size), omitted::SUBVOLUME),
-    ];
-    stages.iter().filter(|(left_out, _)| *left_out).fold(0, |bits, (_, field)| bits | field.mask())
 }

@@ -198,7 +198,7 @@ fn output(registers: &FrameRegisters) -> Result<Output, Fault> {
         _ => Some(between(registers, accumulators::SOURCE, 0, last_plane)?),
     };
     let cursor_only = registers.get(output::CURSOR_ONLY) != 0;
-    if cursor_only && accumulators.is_none() {
+    if cursor_only && (accumulators.is_none() || blend == BlendMode::Alpha) {
         return Err(value_of(output::CURSOR_ONLY));
     }
     Ok(Output {

@@ -1,6 +1,9 @@
 //! A frame, as the engine sees it: an immutable snapshot of the registers at the start command.
 
 mod decode;
+mod needs;
+
+pub use needs::Needs;
 
 use vg500_regs::memory::Table;
 use vg500_regs::{BlendMode, Permutation, PlaneFormat, VoxelFormat};

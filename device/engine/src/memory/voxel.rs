@@ -59,3 +59,50 @@ impl<'a> PermutedVolume<'a> {
         Ok(self.format.value(u16::from_le_bytes(stored)))
     }
 }
+
+/// The voxel slices around a sample slice; each is read once while the frame passes it.
+#[derive(Debug)]
+pub struct VoxelSlices<'a> {
+    volume: PermutedVolume<'a>,
+    /// Slice `z` is kept in place `z mod 4`.
+    held: [Option<i64>; 4],
+    slices: [Vec<u16>; 4],
+}
+
+impl<'a> VoxelSlices<'a> {
+    /// No slices yet.
+    #[must_use]
+    pub const fn new(volume: PermutedVolume<'a>) -> Self {
+        Self { volume, held: [None; 4], slices: [const { Vec::new() }; 4] }
+    }
+
+    /// Brings in up to four slices in a row.
+    pub fn load(&mut self, slices: core::ops::RangeInclusive<i64>) -> Result<(), OutOfRange> {
+        for z in slices {
+            let place = Self::place(z);
+            if self.held[place] != Some(z) {
+                self.volume.read_slice(z, &mut self.slices[place])?;
+                self.held[place] = Some(z);
+            }
+        }
+        Ok(())
+    }
+
+    const fn place(z: i64) -> usize {
+        z.rem_euclid(4) as usize
+    }
+
+    /// The voxels at the corners `[z][y][x]` of the cell whose lowest voxel is `first`; reads past the volume
+    /// replicate its faces.
+    #[must_use]
+    pub fn corners(&self, first: [i64; 3]) -> [[[u16; 2]; 2]; 2] {
+        let [x, y, z] = first;
+        let [width, height, _] = self.volume.size;
+        let columns = [x, x + 1].map(|x| x.clamp(0, width as i64 - 1) as usize);
+        let rows = [y, y + 1].map(|y| y.clamp(0, height as i64 - 1) as usize * width);
+        [z, z + 1].map(|z| {
+            let slice = &self.slices[Self::place(z)];
+            rows.map(|row| columns.map(|column| slice[row + column]))
+        })
+    }
+}

@@ -30,6 +30,24 @@ impl Ray {
         }
     }
 
+    /// Blends a sample of the cursor over what the ray has accumulated: C = a c + (1 - a) C, A likewise. Sums
+    /// become those of as many samples as before, at least one.
+    pub fn cover(&mut self, mode: BlendMode, cursor: Classified) {
+        if mode == BlendMode::Sum {
+            self.samples = self.samples.max(1);
+        }
+        let weight = if mode == BlendMode::Sum { self.samples } else { 1 };
+        let transparency = u64::from(FULL - cursor.alpha);
+        let over = |front: u16, behind: u32| {
+            let shining = (u64::from(behind) * transparency + 2048) >> 12;
+            u32::from(front) * weight + shining as u32
+        };
+        for (accumulated, color) in self.color.iter_mut().zip(cursor.color) {
+            *accumulated = over(product(color, cursor.alpha), *accumulated);
+        }
+        self.alpha = over(cursor.alpha, self.alpha);
+    }
+
     /// C += (1 - A) a c, A += (1 - A) a.
     fn blend_alpha(&mut self, sample: Classified) {
         let transparency = FULL - self.alpha as u16;
@@ -129,6 +147,20 @@ mod tests {
         assert_eq!((most.color[0], most.valid), (7, true));
         most.blend(BlendMode::Maximum, 0, sample(8, 4095));
         assert_eq!(most.color[0], 7);
+    }
+
+    #[test]
+    fn the_cursor_covers_what_is_there() {
+        let mut ray = Ray { color: [4000, 0, 100], alpha: 4095, extreme: 9, valid: true, samples: 0 };
+        // 2048 * 2048 / 4096 = 1024, 4000 * 2047 / 4096 = 1999.0; 4095 * 2047 / 4096 = 2046.5 goes up
+        ray.cover(BlendMode::Maximum, sample(2048, 2048));
+        assert_eq!((ray.color[0], ray.alpha, ray.extreme), (1024 + 1999, 2048 + 2047, 9));
+        let mut sums = Ray { color: [0, 0, 3000], alpha: 0, samples: 3, ..Ray::default() };
+        sums.cover(BlendMode::Sum, sample(4095, 4095));
+        assert_eq!(sums.pixel(BlendMode::Sum), [4094, 0, 4094, 4095]);
+        let mut empty = Ray::default();
+        empty.cover(BlendMode::Sum, sample(4095, 4095));
+        assert_eq!(empty.pixel(BlendMode::Sum)[3], 4095);
     }
 
     #[test]
