@@ -85,6 +85,14 @@ pub const fn planes(format: PlaneFormat) -> u32 {
     (PIXEL_MEMORY.size as usize / plane_bytes(format)) as u32
 }
 
+/// The 32-bit base planes that base plane `plane` of a format covers. The first of them is its place in
+/// `PLANE_STATE`, `PLANE_FAULT`, `CANCEL` and the report block.
+#[must_use]
+pub const fn covered_planes(format: PlaneFormat, plane: u32) -> core::ops::Range<u32> {
+    let width = (plane_bytes(format) / plane_bytes(PlaneFormat::Rgba8)) as u32;
+    plane * width..(plane + 1) * width
+}
+
 /// Byte offset of ray (`column`, `row`) of base plane `plane` in pixel memory.
 #[must_use]
 pub const fn plane_offset(format: PlaneFormat, plane: u32, column: u32, row: u32) -> usize {
@@ -129,6 +137,9 @@ mod tests {
         assert_eq!(planes(PlaneFormat::Accumulator64), 8);
         assert_eq!(planes(PlaneFormat::Sum128), 4);
         assert_eq!(plane_offset(PlaneFormat::Rgba8, 15, 511, 511) + 4, 16 << 20);
+        assert_eq!(covered_planes(PlaneFormat::Rgba8, 15), 15..16);
+        assert_eq!(covered_planes(PlaneFormat::Accumulator64, 3), 6..8);
+        assert_eq!(covered_planes(PlaneFormat::Sum128, 3), 12..16);
     }
 
     #[test]

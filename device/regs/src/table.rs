@@ -86,13 +86,15 @@ registers! {
         OFFSET 16 +16 INTEGER "Offset of the register to blame."
     }
     plane_state "PLANE_STATE" ReadOnly 0x040 [16 by 4] = 0x0000_0000,
-    "The last frame that ended, for each base plane. A frame has ended when the tag is that of its start \
-     command; tags of consecutive frames on one base plane must differ." {
+    "The last frame that ended, for each 32-bit base plane; a frame of a wider format is found at the first \
+     32-bit base plane that it covers. A frame has ended when the tag is that of its start command; tags of \
+     consecutive frames on one base plane must differ. A start command whose base plane does not exist shows up \
+     in LAST_FAULT alone." {
         TAG 0 +16 INTEGER "Tag of its start command."
         RESULT 16 +8 CODE "0 none yet, 1 done, 2 failed (see PLANE_FAULT)."
     }
     plane_fault "PLANE_FAULT" ReadOnly 0x080 [16 by 4] = 0x0000_0000,
-    "Why the last frame of each base plane failed, as in LAST_FAULT." {
+    "Why the last frame of each base plane failed, as in LAST_FAULT; places as in PLANE_STATE." {
         CODE_OF 0 +8 CODE "Fault code; 0 is none."
         BIT 8 +5 INTEGER "Lowest bit of the field to blame."
         OFFSET 16 +16 INTEGER "Offset of the register to blame."
@@ -106,7 +108,7 @@ registers! {
     }
     cancel "CANCEL" WriteOnly 0x104 = 0x0000_0000,
     "Cancels commands that wait or run; each ends with fault `cancelled`." {
-        PLANES 0 +16 CODE "Bit b: frames on base plane b."
+        PLANES 0 +16 CODE "Bit b: frames on base plane b; places as in PLANE_STATE."
         TRANSFERS 16 +1 CODE "All transfers."
     }
     interrupt_enable "INTERRUPT_ENABLE" WriteOnly 0x108 = 0x0000_0000,
@@ -452,8 +454,9 @@ registers! {
         TAG 16 +16 INTEGER "Shows up in PLANE_STATE at the end."
     }
 
-    // The report block of each base plane: about its last frame that ended.
-    report_tag "REPORT_TAG" ReadOnly 0x1000 [16 by 128] = 0x0000_0000, "Which frame the report is about." {
+    // The report block of each base plane: about its last frame that ended; places as in PLANE_STATE.
+    report_tag "REPORT_TAG" ReadOnly 0x1000 [16 by 128] = 0x0000_0000,
+    "Which frame the report is about; places as in PLANE_STATE." {
         TAG 0 +16 INTEGER "Tag of its start command."
     }
     report_samples_low "REPORT_SAMPLES_LOW" ReadOnly 0x1008 [16 by 128] = 0x0000_0000,
