@@ -11,6 +11,7 @@
 //! * [`fault`]: why the card refused or gave up a command,
 //! * [`limit`]: the card's limits,
 //! * [`number`]: number formats,
+//! * [`reflectance`]: what the entries of a reflectance map stand for,
 //! * [`shared`]: access to memory that another process may change at any time,
 //! * [`manual`]: the register chapter of the programming manual.
 
@@ -23,6 +24,7 @@ pub mod memory;
 pub mod number;
 pub mod pci;
 pub mod permutation;
+pub mod reflectance;
 pub mod register;
 pub mod shared;
 pub mod table;
