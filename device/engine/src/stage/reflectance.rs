@@ -1,16 +1,15 @@
 //! Reflectance maps (paper, section 3.5): a cube of six faces, indexed by an unnormalised vector in object axes,
 //! bilinear between 8 x 8 vertices per face.
 //!
-//! Faces are numbered +x, -x, +y, -y, +z, -z. On a face the other two axes, in increasing order, are u and v;
-//! vertex (u, v) is entry `64 face + 8 v + u` and looks along u, v = -1 + 2 i / 7. After un-permutation every
-//! rounding is on absolute values, so that a mirrored vector meets a mirrored map exactly.
+//! [`vg500_regs::reflectance`] says which direction an entry stands for. After un-permutation every rounding is on
+//! absolute values, so that a mirrored vector meets a mirrored map exactly.
 
 use crate::fixed::round_shift;
+use vg500_regs::reflectance::{FACE, VERTICES, face_axes};
 
 /// Half a face in map coordinates: cells are 32 wide, seven of them are 224.
 pub const HALF_FACE: i32 = 112;
 const CELL: i32 = 32;
-const VERTICES: usize = 8;
 
 /// A direction on the cube: the major component is +-112, the others lie between.
 pub type CubeVector = [i32; 3];
@@ -49,10 +48,9 @@ pub fn cube_vector(gradient: [i32; 3]) -> CubeVector {
 pub fn look_up(map: &[u8], vector: CubeVector) -> u16 {
     let axis = major_axis(vector);
     let face = 2 * axis + usize::from(vector[axis] < 0);
-    let [u_axis, v_axis] = [[1, 2], [0, 2], [0, 1]][axis];
-    let [u, v] = [vector[u_axis], vector[v_axis]].map(Cell::new);
+    let [u, v] = face_axes(axis).map(|axis| Cell::new(vector[axis]));
     let entry = |row: usize, column: usize| {
-        i32::from(map[face * VERTICES * VERTICES + (v.first + row) * VERTICES + u.first + column])
+        i32::from(map[face * FACE + (v.first + row) * VERTICES + u.first + column])
     };
     let along_u = |row| entry(row, 0) * (CELL - u.weight) + entry(row, 1) * u.weight;
     let intensity = along_u(0) * (CELL - v.weight) / 8 + along_u(1) * v.weight / 8;
