@@ -57,14 +57,11 @@ impl<'a> BasePlanePixels<'a> {
     }
 
     /// Pixel at (`column`, `row`); transparent outside of the plane.
-    fn at(&self, column: i64, row: i64) -> [u32; 4] {
+    fn at(&self, column: i64, row: i64) -> [u8; 4] {
         let inside =
             (0..i64::from(self.size[0])).contains(&column) && (0..i64::from(self.size[1])).contains(&row);
         let place = if inside { row as usize * self.pitch + column as usize * 4 } else { usize::MAX };
-        match self.pixels.get(place..).and_then(<[u8]>::first_chunk::<4>) {
-            Some(pixel) => pixel.map(u32::from),
-            None => [0; 4],
-        }
+        self.pixels.get(place..).and_then(<[u8]>::first_chunk).copied().unwrap_or_default()
     }
 
     /// Bilinear interpolation at a position, with weights that sum to [`UNITY`]; `None` where no pixel of the
@@ -82,14 +79,15 @@ impl<'a> BasePlanePixels<'a> {
         let [column, row] = [(x >> FRACTION) - 1, (y >> FRACTION) - 1];
         let [right, below] = [x, y].map(|value| value as u32 & ((1 << FRACTION) - 1));
         let left = (1 << FRACTION) - right;
-        let above = u64::from((1 << FRACTION) - below);
-        let [a, b] = [self.at(column, row), self.at(column + 1, row)];
-        let [c, d] = [self.at(column, row + 1), self.at(column + 1, row + 1)];
-        Some([0, 1, 2, 3].map(|channel| {
-            let upper = u64::from(a[channel] * left + b[channel] * right);
-            let lower = u64::from(c[channel] * left + d[channel] * right);
-            upper * above + lower * u64::from(below)
-        }))
+        let (above, below) = (u64::from((1 << FRACTION) - below), u64::from(below));
+        let upper = [self.at(column, row), self.at(column + 1, row)];
+        let lower = [self.at(column, row + 1), self.at(column + 1, row + 1)];
+        let mut sum = [0; 4];
+        for (channel, sum) in sum.iter_mut().enumerate() {
+            let across = |[a, b]: [[u8; 4]; 2]| u32::from(a[channel]) * left + u32::from(b[channel]) * right;
+            *sum = u64::from(across(upper)) * above + u64::from(across(lower)) * below;
+        }
+        Some(sum)
     }
 }
 

@@ -50,6 +50,8 @@ impl ShearWarp {
             }
         }
         let camera_from_voxel = check_matrix("view matrix", camera_from_world)? * *volume.world_from_voxel();
+        // Two matrices that are invertible can make one that is not, to 64 bits.
+        let camera_from_voxel = check_matrix("view matrix times model matrix", &camera_from_voxel)?;
         let direction = view_direction(&camera_from_voxel).to_array();
         let order = BASE_ORDERS[principal_axis(direction)];
         let along = direction[order[2]];
@@ -138,8 +140,8 @@ impl ShearWarp {
     }
 
     /// The base plane with a margin of rays without samples where the outline of the volume's box leaves the
-    /// smallest rectangle, so that textures drawn into the outline never wrap. At most 512 rays per voxel
-    /// pass, as the card allows.
+    /// smallest rectangle, so that textures drawn into the outline never wrap. A pass has at most 512
+    /// columns and rows even then.
     #[must_use]
     pub fn base_plane_with_margin(&self) -> BasePlane {
         let [shear_x, shear_y] = self.shear();
