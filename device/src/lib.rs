@@ -3,5 +3,7 @@
 pub mod backing;
 pub mod dma;
 pub mod interrupt;
+pub mod listener;
 pub mod pci;
 pub mod protocol;
+pub mod stop;

@@ -395,8 +395,6 @@ fn operation() -> impl Strategy<Value = Operation> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
-
     #[test]
     fn the_table_agrees_with_a_page_by_page_model(operations in prop::collection::vec(operation(), 1..60)) {
         let dma = table();

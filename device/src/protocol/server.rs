@@ -1,0 +1,120 @@
+//! Clients, one after another.
+
+use std::io;
+use std::os::fd::OwnedFd;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::io::Errno;
+use rustix::net::{SocketFlags, accept_with};
+
+use super::connection::Connection;
+use super::messages::Messages;
+use super::session::Session;
+use super::socket::Socket;
+use super::{Counters, Device, Ended, ResetReason};
+use crate::dma::DmaTable;
+use crate::interrupt::Interrupts;
+use crate::listener::Listener;
+use crate::stop::Stop;
+
+/// How long to wait before accepting again when the process has no descriptor or memory left.
+const RECOVERY: Duration = Duration::from_millis(100);
+
+/// Serves a device to clients, one after another, on the calling thread.
+///
+/// Every client finds the device in power-on state, without memory or interrupts of the one before.
+#[derive(Debug)]
+pub struct Server<D> {
+    device: D,
+    dma: Arc<DmaTable>,
+    interrupts: Arc<Interrupts>,
+    stop: Stop,
+    counters: Arc<Counters>,
+}
+
+impl<D: Device> Server<D> {
+    /// A server of `device`, which shares `dma` and `interrupts` with it.
+    #[must_use]
+    pub fn new(device: D, dma: Arc<DmaTable>, interrupts: Arc<Interrupts>, stop: Stop) -> Self {
+        Self { device, dma, interrupts, stop, counters: Arc::default() }
+    }
+
+    /// Counts of what has happened, to look at from anywhere.
+    #[must_use]
+    pub fn counters(&self) -> Arc<Counters> {
+        Arc::clone(&self.counters)
+    }
+
+    /// The device, between clients.
+    pub fn device(&mut self) -> &mut D {
+        &mut self.device
+    }
+
+    /// Accepts and serves clients until the stop is requested. Further clients wait to be accepted.
+    ///
+    /// # Errors
+    ///
+    /// If accepting fails for a reason that does not pass.
+    pub fn listen(&mut self, listener: &Listener) -> io::Result<()> {
+        while let Some(socket) = self.accept(listener)? {
+            if self.serve(socket) == Ended::Stopped {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Serves one client that is connected already, until it goes, breaks the protocol, or the stop is requested.
+    pub fn serve(&mut self, socket: OwnedFd) -> Ended {
+        Counters::count(&self.counters.connections);
+        let socket = Arc::new(Socket::new(socket, self.stop.clone()));
+        let messages = Arc::new(Messages::new(Arc::clone(&socket)));
+        let mut ended = Ended::Panicked;
+        if self.reset(ResetReason::Connection) {
+            let session = Session::new(&mut self.device, &self.dma, &self.interrupts, Arc::clone(&messages));
+            ended = Connection::new(socket, Arc::clone(&messages), session, &self.counters).run();
+        }
+        tracing::info!(counters = ?self.counters, "connection ended: {ended}");
+        // The engine may be waiting for this client, and the reset for the engine.
+        messages.close();
+        self.reset(ResetReason::LostConnection);
+        self.dma.clear();
+        self.interrupts.clear();
+        ended
+    }
+
+    /// Returns whether the device came through it.
+    fn reset(&mut self, reason: ResetReason) -> bool {
+        let reset = catch_unwind(AssertUnwindSafe(|| self.device.reset(reason)));
+        if reset.is_err() {
+            Counters::count(&self.counters.panics);
+        }
+        reset.is_ok()
+    }
+
+    /// The next client, or none once the stop is requested.
+    fn accept(&self, listener: &Listener) -> io::Result<Option<OwnedFd>> {
+        loop {
+            let mut polled = [PollFd::new(&self.stop, PollFlags::IN), PollFd::new(listener, PollFlags::IN)];
+            match poll(&mut polled, None) {
+                Ok(_) | Err(Errno::INTR) => {}
+                Err(errno) => return Err(errno.into()),
+            }
+            if polled.first().is_some_and(|stop| !stop.revents().is_empty()) {
+                return Ok(None);
+            }
+            match accept_with(listener, SocketFlags::CLOEXEC | SocketFlags::NONBLOCK) {
+                Ok(socket) => return Ok(Some(socket)),
+                Err(Errno::AGAIN | Errno::INTR | Errno::CONNABORTED) => {}
+                Err(errno @ (Errno::MFILE | Errno::NFILE | Errno::NOBUFS | Errno::NOMEM)) => {
+                    tracing::warn!("cannot accept a client now: {errno}");
+                    std::thread::sleep(RECOVERY);
+                }
+                Err(errno) => return Err(errno.into()),
+            }
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! Connections one after another, resets, and the end.
+
+use std::time::{Duration, Instant};
+
+use volumepro_device::dma::DmaError;
+use volumepro_device::protocol::ResetReason;
+
+use crate::common::*;
+
+/// Waits until the server has dealt with the end of a connection.
+fn eventually(mut condition: impl FnMut() -> bool) {
+    let deadline = Instant::now() + Duration::from_secs(10);
+    while !condition() {
+        assert!(Instant::now() < deadline, "it never happened");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn every_client_finds_power_on_state() {
+    let rig = Rig::new();
+    let failed = event();
+    for _ in 0..3 {
+        let mut client = rig.client();
+        assert_eq!((client.read(BAR0, 0, 4), client.read(BAR2, 0, 4)), (vec![0; 4], vec![0; 4]));
+        assert_eq!(client.read(CONFIG, 4, 2), [0, 0]);
+        assert_eq!(rig.dma.write(0, &[1]), Err(DmaError::BusMasterDisabled));
+        rig.interrupts.fail();
+        assert_eq!(events(&failed), 0);
+        client.enable();
+        assert_eq!(rig.dma.write(0, &[1]), Err(DmaError::NotMapped { iova: 0 }));
+        client.write(BAR0, 0, &[1; 4]);
+        client.write(BAR2, 0, &[1; 4]);
+        client.map(0, 4096, &memory(4096));
+        let failed = [std::os::fd::AsFd::as_fd(&failed)];
+        client.succeed_with(SET_IRQS, &set_irqs(0x24, 3, 0, 1), &failed);
+        drop(client);
+        eventually(|| {
+            rig.resets.lock().unwrap().last() == Some(&ResetReason::LostConnection) && rig.dma.is_empty()
+        });
+    }
+    let pairs = [ResetReason::Connection, ResetReason::LostConnection].repeat(3);
+    assert_eq!(*rig.resets.lock().unwrap(), pairs);
+}
+
+#[test]
+fn reset_is_idempotent_and_keeps_memory_and_descriptors() {
+    let rig = Rig::new();
+    let mut client = rig.client();
+    let (error, file) = (event(), memory(4096));
+    client.map(0, 4096, &file);
+    client.succeed_with(SET_IRQS, &set_irqs(0x24, 3, 0, 1), &[std::os::fd::AsFd::as_fd(&error)]);
+    for _ in 0..2 {
+        client.enable();
+        client.write(BAR0, 0, &[1]);
+        assert!(client.succeed(RESET, &[]).is_empty());
+        assert_eq!((client.read(BAR0, 0, 1), client.read(CONFIG, 4, 1)), (vec![0], vec![0]));
+    }
+    rig.interrupts.fail();
+    assert_eq!((events(&error), rig.dma.len()), (1, 1));
+}
+
+#[test]
+fn function_level_reset_comes_through_configuration_space() {
+    let rig = Rig::new();
+    let mut client = rig.client();
+    let mut at = client.read(CONFIG, 0x34, 1)[0];
+    while client.read(CONFIG, u64::from(at), 1)[0] != 0x10 {
+        at = client.read(CONFIG, u64::from(at) + 1, 1)[0];
+    }
+    client.enable();
+    let control = u64::from(at) + 8;
+    client.write(CONFIG, control, &[0, 0x80]);
+    assert_eq!(rig.resets.lock().unwrap().last(), Some(&ResetReason::FunctionLevel));
+    assert_eq!((client.read(CONFIG, control + 1, 1)[0] & 0x80, client.read(CONFIG, 4, 1)[0]), (0, 0));
+}
+
+#[test]
+fn clients_wait_for_each_other() {
+    let rig = Rig::new();
+    let mut first = rig.client();
+    let mut second = rig.connect();
+    second.send(&message(1, VERSION, 0, &[0; 4]), &[]);
+    first.works();
+    drop(first);
+    assert_eq!(second.receive().error, 0);
+    second.works();
+}
+
+#[test]
+fn a_thousand_clients_come_and_go() {
+    let rig = Rig::new();
+    for turn in 0..1000 {
+        let mut client = rig.connect();
+        match turn % 4 {
+            0 => {}
+            1 => client.send(&[1, 0, 1], &[]),
+            2 => _ = client.version(),
+            // Gone while replies are due.
+            _ => (0..20).for_each(|_| _ = client.try_send(&message(0, GET_INFO, 0, &[0; 16]), &[])),
+        }
+    }
+    rig.client().works();
+}
+
+#[test]
+fn stopping_ends_every_wait_and_takes_the_path_away() {
+    let began = Instant::now();
+    // Waiting for a client, for a version, for the rest of a message.
+    for stage in 0..3 {
+        let mut rig = Rig::new();
+        let mut client = (stage > 0).then(|| rig.client());
+        if let Some(client) = client.as_mut().filter(|_| stage == 2) {
+            client.send(&message(1, GET_INFO, 0, &[0; 16])[..20], &[]);
+        }
+        rig.end().unwrap();
+        assert!(!rig.path().exists());
+        assert!(client.is_none_or(|mut client| client.is_closed()));
+    }
+    assert!(began.elapsed() < Duration::from_secs(5));
+}
