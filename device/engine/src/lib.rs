@@ -9,13 +9,15 @@
 //! 4. [`stage`]: the pipeline of the paper's Figure 4, a file for each stage.
 //! 5. [`memory`]: how voxels and pixels lie in memory.
 //! 6. [`reference`]: the renderer that defines the card, stage by stage.
-//! 7. [`cycles`]: how long the real chip would have taken.
+//! 7. [`ideal`]: the same without quantisation, to measure errors.
+//! 8. [`cycles`]: how long the real chip would have taken.
 //!
 //! [`fixed`] holds the number formats and roundings of all of it.
 
 pub mod cycles;
 pub mod fixed;
 pub mod frame;
+pub mod ideal;
 pub mod memory;
 pub mod plan;
 pub mod reference;
