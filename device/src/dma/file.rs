@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::os::fd::OwnedFd;
 use std::ptr::NonNull;
+use std::sync::Once;
 
 use memmap2::{MmapOptions, MmapRaw};
 use rustix::fs::{FileType, OFlags, SealFlags, fcntl_get_seals, fcntl_getfl, fstat};
@@ -67,7 +68,11 @@ impl FileMemory {
         let mapping = sealed.then(|| map(&open)).flatten();
         let means = mapping.map_or_else(|| Means::Calls(File::from(open.file)), Means::Mapping);
         if let Means::Calls(_) = means {
-            tracing::warn!("client memory is not sealed against shrinking: every access is a system call");
+            // Once: clients decide how often it happens.
+            static TOLD: Once = Once::new();
+            TOLD.call_once(|| {
+                tracing::warn!("client memory is not a sealed memfd: accesses are system calls")
+            });
         }
         Self { size: open.size, means }
     }

@@ -3,15 +3,15 @@
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
 mod file;
+mod lease;
 mod region;
 #[cfg(test)]
 mod tests;
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
-use std::ops::Range;
 use std::os::fd::OwnedFd;
-use std::sync::atomic::{Ordering, fence};
+use std::sync::atomic::{AtomicUsize, Ordering, fence};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
@@ -19,6 +19,8 @@ use rustix::io::Errno;
 
 use crate::pci::CommandRegister;
 use file::{FileId, FileMemory, OpenFile};
+pub use lease::Lease;
+use lease::transfer;
 pub use region::ClientMemory;
 use region::{Region, Source};
 
@@ -34,8 +36,6 @@ pub const MAX_FILES: usize = 64;
 /// How long unmapping waits for a transfer to end before it takes the memory away under it. Clients wait five
 /// seconds for the reply.
 pub const PATIENCE: Duration = Duration::from_secs(1);
-/// Bytes copied between two looks at whether the memory is still there.
-const PIECE: usize = 64 << 10;
 
 /// What the device may do with a region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,6 +75,9 @@ pub enum DmaError {
     /// Bus Master Enable is off.
     #[error("bus mastering is disabled")]
     BusMasterDisabled,
+    /// The device is being reset.
+    #[error("DMA is suspended by a reset")]
+    Suspended,
     /// The range ends past the address space.
     #[error("DMA of {length} bytes at IOVA {iova:#x} ends past the address space")]
     Wraps {
@@ -127,6 +130,8 @@ struct Table {
 pub struct DmaTable {
     command: Arc<CommandRegister>,
     table: Mutex<Table>,
+    /// How many [`Suspension`]s there are.
+    suspended: AtomicUsize,
     cancel: OnceLock<Box<dyn Fn() + Send + Sync>>,
 }
 
@@ -134,7 +139,7 @@ impl DmaTable {
     /// An empty table; `command` holds Bus Master Enable.
     #[must_use]
     pub fn new(command: Arc<CommandRegister>) -> Self {
-        Self { command, table: Mutex::default(), cancel: OnceLock::new() }
+        Self { command, table: Mutex::default(), suspended: AtomicUsize::new(0), cancel: OnceLock::new() }
     }
 
     /// Sets what is called when the client unmaps memory that is leased: it asks the transfer to end soon, and
@@ -209,6 +214,16 @@ impl DmaTable {
         self.lock().files.clear();
     }
 
+    /// Ends all accesses, on any thread, until the result is dropped: those in progress have ended on return,
+    /// leases stay but cannot be used. For resets, which must not wait for a client that waits for them.
+    #[must_use]
+    pub fn suspend(&self) -> Suspension<'_> {
+        self.suspended.fetch_add(1, Ordering::SeqCst);
+        let regions: Vec<_> = self.lock().regions.values().cloned().collect();
+        regions.iter().for_each(|region| region.drain());
+        Suspension(self)
+    }
+
     /// Number of regions.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -252,7 +267,7 @@ impl DmaTable {
     ///
     /// [`DmaError`] if any byte is not there for this direction.
     pub fn lease(self: &Arc<Self>, iova: u64, length: u64, direction: Direction) -> Result<Lease, DmaError> {
-        self.check_bus_master()?;
+        self.check_enabled()?;
         let mut lease = Lease { dma: Arc::clone(self), iova, length, direction, regions: Vec::new() };
         if length == 0 {
             return Ok(lease);
@@ -284,8 +299,12 @@ impl DmaTable {
         removed.iter().for_each(|region| region.revoke());
     }
 
-    fn check_bus_master(&self) -> Result<(), DmaError> {
-        if self.command.bus_master() { Ok(()) } else { Err(DmaError::BusMasterDisabled) }
+    fn check_enabled(&self) -> Result<(), DmaError> {
+        match self.suspended.load(Ordering::SeqCst) {
+            0 if self.command.bus_master() => Ok(()),
+            0 => Err(DmaError::BusMasterDisabled),
+            _ => Err(DmaError::Suspended),
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, Table> {
@@ -324,117 +343,14 @@ impl Table {
     }
 }
 
-/// Memory held for a transfer. Dropping it lets go.
+/// While it lives, there is no access to client memory.
 #[derive(Debug)]
-pub struct Lease {
-    dma: Arc<DmaTable>,
-    iova: u64,
-    length: u64,
-    direction: Direction,
-    /// By IOVA, without gaps.
-    regions: Vec<Arc<Region>>,
-}
+pub struct Suspension<'a>(&'a DmaTable);
 
-impl Lease {
-    /// Bytes leased.
-    #[must_use]
-    pub fn length(&self) -> u64 {
-        self.length
-    }
-
-    /// Reads `data.len()` bytes at `offset` of the lease.
-    ///
-    /// # Errors
-    ///
-    /// [`DmaError`], among them that the memory has been taken away, or that the access leaves the lease.
-    pub fn read(&self, offset: u64, data: &mut [u8]) -> Result<(), DmaError> {
-        let iova = self.at(offset, data.len(), Direction::Read)?;
-        transfer(self, Direction::Read, iova, data.len(), |region, iova, piece| {
-            region.read(iova, data.get_mut(piece).unwrap_or_default())
-        })
-    }
-
-    /// Writes `data` at `offset` of the lease.
-    ///
-    /// # Errors
-    ///
-    /// As for [`read`](Self::read).
-    pub fn write(&self, offset: u64, data: &[u8]) -> Result<(), DmaError> {
-        let iova = self.at(offset, data.len(), Direction::Write)?;
-        transfer(self, Direction::Write, iova, data.len(), |region, iova, piece| {
-            region.write(iova, data.get(piece).unwrap_or_default())
-        })
-    }
-
-    /// The IOVA of an access that lies inside the lease.
-    fn at(&self, offset: u64, length: usize, direction: Direction) -> Result<u64, DmaError> {
-        let iova = self.iova.saturating_add(offset);
-        if direction != self.direction {
-            return Err(DmaError::NotAllowed { iova, direction });
-        }
-        let inside = offset.checked_add(length as u64).is_some_and(|end| end <= self.length);
-        inside.then_some(iova).ok_or(DmaError::NotMapped { iova: self.iova.saturating_add(self.length) })
-    }
-}
-
-impl Drop for Lease {
+impl Drop for Suspension<'_> {
     fn drop(&mut self) {
-        self.regions.iter().for_each(|region| region.end_lease());
+        self.0.suspended.fetch_sub(1, Ordering::SeqCst);
     }
-}
-
-/// Where a transfer finds its regions: in the table, or among those it has leased.
-trait Regions {
-    fn check(&self) -> Result<(), DmaError>;
-    fn region(&self, iova: u64) -> Option<Arc<Region>>;
-}
-
-impl Regions for DmaTable {
-    fn check(&self) -> Result<(), DmaError> {
-        self.check_bus_master()
-    }
-
-    fn region(&self, iova: u64) -> Option<Arc<Region>> {
-        self.lock().find(iova)
-    }
-}
-
-impl Regions for Lease {
-    fn check(&self) -> Result<(), DmaError> {
-        self.dma.check_bus_master()
-    }
-
-    fn region(&self, iova: u64) -> Option<Arc<Region>> {
-        let after = self.regions.partition_point(|region| region.base <= iova);
-        self.regions.get(after.checked_sub(1)?).filter(|region| region.contains(iova)).cloned()
-    }
-}
-
-/// Cuts `length` bytes at `iova` into pieces that lie inside one region, and copies each.
-fn transfer(
-    regions: &impl Regions,
-    direction: Direction,
-    iova: u64,
-    length: usize,
-    mut copy: impl FnMut(&Region, u64, Range<usize>) -> Result<(), DmaError>,
-) -> Result<(), DmaError> {
-    if length > 0 && last_byte(iova, length as u64).is_none() {
-        return Err(DmaError::Wraps { iova, length: length as u64 });
-    }
-    let mut done = 0;
-    while done < length {
-        regions.check()?;
-        let iova = iova + done as u64;
-        let region = regions.region(iova).ok_or(DmaError::NotMapped { iova })?;
-        if !region.allows(direction) {
-            return Err(DmaError::NotAllowed { iova, direction });
-        }
-        let left_in_region = usize::try_from(region.last - iova).unwrap_or(usize::MAX).saturating_add(1);
-        let piece = left_in_region.min(length - done).min(PIECE);
-        copy(&region, iova, done..done + piece)?;
-        done += piece;
-    }
-    Ok(())
 }
 
 /// The last byte of a range that is not empty and does not leave the address space.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, TryLockError};
 use std::time::{Duration, Instant};
 
 use rustix::io::Errno;
@@ -44,7 +44,7 @@ pub(super) struct Region {
     leases: Mutex<usize>,
     idle: Condvar,
     revoked: AtomicBool,
-    /// Held for reading by each access.
+    /// Held for reading by each access, so that whoever ends access can wait for it.
     gate: RwLock<()>,
 }
 
@@ -73,28 +73,26 @@ impl Region {
         }
     }
 
-    /// Reads bytes that lie inside the region.
-    pub(super) fn read(&self, iova: u64, data: &mut [u8]) -> Result<(), DmaError> {
-        self.enter(iova, || match &self.source {
+    /// Reads bytes that lie inside the region, from inside its gate.
+    pub(super) fn read(&self, iova: u64, data: &mut [u8]) -> Result<(), Errno> {
+        match &self.source {
             Source::File { memory, offset } => memory.read(offset + (iova - self.base), data),
             Source::Messages(client) => client.read(iova, data),
-        })
+        }
     }
 
-    /// Writes bytes that lie inside the region.
-    pub(super) fn write(&self, iova: u64, data: &[u8]) -> Result<(), DmaError> {
-        self.enter(iova, || match &self.source {
+    /// Writes bytes that lie inside the region, from inside its gate.
+    pub(super) fn write(&self, iova: u64, data: &[u8]) -> Result<(), Errno> {
+        match &self.source {
             Source::File { memory, offset } => memory.write(offset + (iova - self.base), data),
             Source::Messages(client) => client.write(iova, data),
-        })
+        }
     }
 
-    fn enter(&self, iova: u64, access: impl FnOnce() -> Result<(), Errno>) -> Result<(), DmaError> {
-        let _gate = self.gate.read().unwrap_or_else(PoisonError::into_inner);
-        if self.revoked.load(Ordering::SeqCst) {
-            return Err(DmaError::Revoked { iova });
-        }
-        access().map_err(|errno| DmaError::Failed { iova, errno })
+    /// Goes through the gate for one short access.
+    pub(super) fn enter(&self, iova: u64) -> Result<RwLockReadGuard<'_, ()>, DmaError> {
+        let gate = self.gate.read().unwrap_or_else(PoisonError::into_inner);
+        if self.revoked.load(Ordering::SeqCst) { Err(DmaError::Revoked { iova }) } else { Ok(gate) }
     }
 
     pub(super) fn lease(&self) {
@@ -112,10 +110,9 @@ impl Region {
 
     /// Waits until nobody holds a lease.
     pub(super) fn wait_until_idle(&self, deadline: Instant) {
-        // This thread also receives the replies that an access by message waits for.
-        if let Source::Messages(client) = &self.source {
-            self.revoked.store(true, Ordering::SeqCst);
-            client.abort();
+        // The thread that waits here is the one that receives replies: a transfer by message cannot go on.
+        if matches!(self.source, Source::Messages(_)) {
+            self.revoke();
         }
         let left = deadline.saturating_duration_since(Instant::now());
         drop(self.idle.wait_timeout_while(self.leases(), left, |leases| *leases > 0));
@@ -124,8 +121,13 @@ impl Region {
     /// Ends all access. On return none is in progress, and none begins any more, whatever leases are held.
     pub(super) fn revoke(&self) {
         self.revoked.store(true, Ordering::SeqCst);
-        // An access is short, or waits for a message, perhaps begun after the last abort.
-        while self.gate.try_write().is_err_and(|error| matches!(error, std::sync::TryLockError::WouldBlock)) {
+        self.drain();
+    }
+
+    /// Waits until those who are inside the gate have left it. Accesses are short, or wait for a message, which
+    /// is aborted.
+    pub(super) fn drain(&self) {
+        while matches!(self.gate.try_write(), Err(TryLockError::WouldBlock)) {
             if let Source::Messages(client) = &self.source {
                 client.abort();
             }

@@ -346,6 +346,30 @@ fn unmapping_ends_an_access_that_waits_for_a_message() {
 }
 
 #[test]
+fn a_suspension_ends_accesses_and_keeps_the_memory() {
+    let dma = table();
+    let client = Arc::new(Messenger { silent: true, ..Messenger::default() });
+    let memory = sealed("suspended", 1);
+    dma.map(0, PAGE, BOTH, Memory::Messages(client.clone())).unwrap();
+    dma.map(PAGE, PAGE, BOTH, file(&memory, 0)).unwrap();
+    let lease = dma.lease(PAGE, 1, Direction::Write).unwrap();
+    scope(|scope| {
+        let access = scope.spawn(|| dma.read(0, &mut [0; 4]));
+        while !client.waiting.load(Ordering::SeqCst) {
+            std::hint::spin_loop();
+        }
+        let outer = dma.suspend();
+        drop(dma.suspend());
+        assert_eq!(dma.write(PAGE, &[1]), Err(DmaError::Suspended));
+        assert_eq!(lease.write(0, &[1]), Err(DmaError::Suspended));
+        drop(outer);
+        assert!(access.join().unwrap().is_err());
+    });
+    lease.write(0, &[1]).unwrap();
+    assert_eq!(bytes(&memory, 0, 1), [1]);
+}
+
+#[test]
 fn mapping_while_another_thread_transfers_never_tears_a_page() {
     let dma = table();
     let files = [sealed("one", 1), sealed("two", 1)];

@@ -163,6 +163,11 @@ impl Interrupts {
         self.lock().of(Kind::Error).iter().for_each(|line| self.signal(line));
     }
 
+    /// Asks the client to give the device back. A VMM asks its guest to let it be unplugged.
+    pub fn request_release(&self) {
+        self.lock().of(Kind::Request).iter().for_each(|line| self.signal(line));
+    }
+
     /// Interrupts that could not be signalled because the client's descriptor did not take them.
     #[must_use]
     pub fn lost(&self) -> u64 {

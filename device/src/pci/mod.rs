@@ -14,6 +14,8 @@ pub use command::CommandRegister;
 pub use config::{CONFIG_SIZE, ConfigSpace, Effect};
 pub use msix::MsixTable;
 
+use vg500_regs::pci as card;
+
 use crate::interrupt::InterruptMode;
 
 /// A base address register of 32 bits, or of 64 bits and prefetchable.
@@ -48,4 +50,27 @@ pub struct Layout {
     pub msix_table: u32,
     /// The same for the MSI-X pending bits.
     pub msix_pending: u32,
+}
+
+impl Layout {
+    /// The VolumePro 500. `vendor` is one of the two that the lists know it by, and `voxel_memory` one of the
+    /// sizes that can be selected.
+    #[must_use]
+    pub fn vg500(vendor: u16, mode: InterruptMode, voxel_memory: u64) -> Self {
+        let bars = card::BARS.iter().filter_map(|bar| {
+            let size = if *bar == card::VOXEL_MEMORY { voxel_memory } else { bar.size };
+            Some(Bar { index: usize::try_from(bar.index).ok()?, size, wide: bar.wide })
+        });
+        Self {
+            vendor,
+            device: card::DEVICE_ID,
+            revision: card::REVISION_ID,
+            class: card::CLASS_CODE,
+            bars: bars.collect(),
+            mode,
+            vectors: card::VECTORS,
+            msix_table: card::MSIX_TABLE_OFFSET | card::REGISTERS.index,
+            msix_pending: card::MSIX_PENDING_OFFSET | card::REGISTERS.index,
+        }
+    }
 }

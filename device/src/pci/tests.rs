@@ -18,7 +18,7 @@ struct Function {
 
 impl Function {
     fn new(mode: InterruptMode) -> Self {
-        let layout = Layout {
+        Self::of(&Layout {
             vendor: 0x1067,
             device: 0x1002,
             revision: 1,
@@ -32,10 +32,13 @@ impl Function {
             vectors: 3,
             msix_table: 0x8000,
             msix_pending: 0xc000,
-        };
+        })
+    }
+
+    fn of(layout: &Layout) -> Self {
         let command = Arc::new(CommandRegister::default());
-        let interrupts = Arc::new(Interrupts::new(mode, 3, Arc::clone(&command)));
-        let config = ConfigSpace::new(&layout, Arc::clone(&command), Arc::clone(&interrupts));
+        let interrupts = Arc::new(Interrupts::new(layout.mode, 3, Arc::clone(&command)));
+        let config = ConfigSpace::new(layout, Arc::clone(&command), Arc::clone(&interrupts));
         Self { config, command, interrupts }
     }
 
@@ -109,6 +112,17 @@ fn base_address_registers_answer_sizing() {
     }
     card.config.reset();
     assert_eq!(card.read(0x18, 4), 0xc);
+}
+
+#[test]
+fn the_card_shows_the_bars_of_the_programming_interface() {
+    for (voxel_memory, low) in [(128, 0xf800_000c), (256, 0xf000_000c)] {
+        let mut card = Function::of(&Layout::vg500(0x10ba, InterruptMode::Msix, voxel_memory << 20));
+        (0..6).for_each(|bar| _ = card.write(0x10 + 4 * bar, 4, u32::MAX));
+        let bars = [0, 1, 2, 3, 4, 5].map(|bar| card.read(0x10 + 4 * bar, 4));
+        assert_eq!(bars, [0xffff_0000, 0xffff_0000, low, 0xffff_ffff, 0xff00_0000, 0xff00_0000]);
+        assert_eq!([0, 8].map(|at| card.read(at, 4)), [0x1002_10ba, 0x0480_0001]);
+    }
 }
 
 #[test]

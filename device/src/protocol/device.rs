@@ -90,6 +90,8 @@ pub trait Device {
     /// Takes the device back to its power-on state: registers, configuration space, pending interrupts.
     ///
     /// A running frame or transfer is cancelled; the call returns once nothing of it uses the client's memory,
-    /// within a second. Resets may follow one another, and come in any state.
+    /// within a second. It takes a [`suspend`](crate::dma::DmaTable::suspend) of the client's memory first:
+    /// the engine may be waiting for the client, which is waiting for this call. Resets may follow one another,
+    /// and come in any state.
     fn reset(&mut self, reason: ResetReason);
 }

@@ -118,3 +118,55 @@ impl<D: Device> Server<D> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::net::UnixStream;
+    use std::sync::atomic::Ordering;
+
+    use super::*;
+    use crate::interrupt::InterruptMode;
+    use crate::pci::CommandRegister;
+    use crate::protocol::Region;
+
+    /// A device that panics in a reset that comes for `bad`.
+    struct Fragile {
+        bad: ResetReason,
+    }
+
+    impl Device for Fragile {
+        fn regions(&self) -> &[Region] {
+            &[]
+        }
+
+        fn read(&mut self, _: usize, _: u64, _: &mut [u8]) -> Result<(), Errno> {
+            Ok(())
+        }
+
+        fn write(&mut self, _: usize, _: u64, _: &[u8]) -> Result<(), Errno> {
+            Ok(())
+        }
+
+        fn reset(&mut self, reason: ResetReason) {
+            assert_ne!(reason, self.bad);
+        }
+    }
+
+    #[test]
+    fn a_device_that_panics_in_its_reset_costs_that_connection() {
+        let command = Arc::new(CommandRegister::default());
+        let dma = Arc::new(DmaTable::new(Arc::clone(&command)));
+        let interrupts = Arc::new(Interrupts::new(InterruptMode::Msix, 1, command));
+        let device = Fragile { bad: ResetReason::Connection };
+        let mut server = Server::new(device, dma, interrupts, Stop::new().unwrap());
+        let mut serve = |bad| {
+            server.device().bad = bad;
+            let (ours, theirs) = UnixStream::pair().unwrap();
+            drop(theirs);
+            (server.serve(ours.into()), server.counters().panics.load(Ordering::Relaxed))
+        };
+        assert_eq!(serve(ResetReason::Connection), (Ended::Panicked, 1));
+        assert_eq!(serve(ResetReason::LostConnection), (Ended::Disconnected, 2));
+        assert_eq!(serve(ResetReason::Device), (Ended::Disconnected, 2));
+    }
+}

@@ -48,6 +48,7 @@ pub struct Card {
     registers: Vec<u8>,
     memory: Arc<Backing>,
     config: ConfigSpace,
+    dma: Arc<DmaTable>,
     resets: Arc<Mutex<Vec<ResetReason>>>,
 }
 
@@ -94,6 +95,7 @@ impl Device for Card {
     }
 
     fn reset(&mut self, reason: ResetReason) {
+        let _quiet = self.dma.suspend();
         self.registers.fill(0);
         self.memory.clear().unwrap();
         self.config.reset();
@@ -123,7 +125,7 @@ impl Rig {
         let interrupts = Arc::new(Interrupts::new(mode, 3, Arc::clone(&command)));
         let resets = Arc::new(Mutex::new(Vec::new()));
         let (stop, folder) = (Stop::new().unwrap(), tempfile::tempdir().unwrap());
-        let card = card(mode, command, &interrupts, &resets);
+        let card = card(mode, command, &dma, &interrupts, &resets);
         let mut server = Server::new(card, Arc::clone(&dma), Arc::clone(&interrupts), stop.clone());
         let counters = server.counters();
         let listener = Listener::bind(&folder.path().join("card.sock")).unwrap();
@@ -166,6 +168,7 @@ impl Drop for Rig {
 fn card(
     mode: InterruptMode,
     command: Arc<CommandRegister>,
+    dma: &Arc<DmaTable>,
     interrupts: &Arc<Interrupts>,
     resets: &Arc<Mutex<Vec<ResetReason>>>,
 ) -> Card {
@@ -191,7 +194,7 @@ fn card(
     regions[region::CONFIG] = Region::trapped(CONFIG_SIZE as u64);
     let config = ConfigSpace::new(&layout, command, Arc::clone(interrupts));
     let registers = vec![0; REGISTERS as usize];
-    Card { regions, registers, memory, config, resets: Arc::clone(resets) }
+    Card { regions, registers, memory, config, dma: Arc::clone(dma), resets: Arc::clone(resets) }
 }
 
 /// A message as it came back.
