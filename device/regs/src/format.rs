@@ -72,6 +72,11 @@ impl BlendMode {
     }
 }
 
+/// Bits of each accumulator in [`PlaneFormat::Accumulator64`].
+pub const ACCUMULATOR_BITS: u32 = 12;
+/// Bits of each sum in [`PlaneFormat::Sum128`].
+pub const SUM_BITS: u32 = 27;
+
 /// How a base plane is stored in pixel memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]

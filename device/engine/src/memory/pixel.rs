@@ -2,10 +2,9 @@
 
 use crate::fixed::{FULL, narrow};
 use crate::stage::composite::Ray;
+use vg500_regs::format::SUM_BITS;
 use vg500_regs::{BlendMode, PlaneFormat};
 
-/// Bits of a sum, and of the number of samples, in the 128-bit format.
-const SUM_BITS: u32 = 27;
 const SUM_MASK: u128 = (1 << SUM_BITS) - 1;
 
 /// Appends a ray to `bytes` in a base plane's format, little-endian.
