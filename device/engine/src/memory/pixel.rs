@@ -42,14 +42,16 @@ pub fn load(bytes: &[u8], format: PlaneFormat) -> Ray {
     }
 }
 
+// Only rays that began with accumulators of the host's own making can come to hold more than a format; they
+// saturate.
+
 fn accumulator(ray: &Ray) -> u64 {
-    let [r, g, b] = ray.color.map(u64::from);
+    let [r, g, b] = ray.color.map(|color| u64::from(color).min(u64::from(FULL)));
     let extreme = u64::from(ray.extreme) << 48 | u64::from(ray.valid) << 60;
     r | g << 12 | b << 24 | u64::from(ray.alpha) << 36 | extreme
 }
 
 fn sum(ray: &Ray) -> u128 {
-    // Only accumulators that the host wrote itself can hold more than the format; they saturate.
     let [r, g, b] = ray.color.map(|sum| u128::from(sum).min(SUM_MASK));
     let alpha = u128::from(ray.alpha).min(SUM_MASK);
     let samples = u128::from(ray.samples) << (4 * SUM_BITS);
@@ -77,6 +79,15 @@ mod tests {
         store(&ray, BlendMode::Sum, PlaneFormat::Sum128, &mut bytes);
         assert_eq!(bytes.len(), 16);
         assert_eq!(load(&bytes, PlaneFormat::Sum128), ray);
+    }
+
+    #[test]
+    fn a_channel_never_spills_into_the_next() {
+        let over = Ray { color: [8189, 0, 4096], alpha: 7, ..Ray::default() };
+        let mut bytes = Vec::new();
+        store(&over, BlendMode::Alpha, PlaneFormat::Accumulator64, &mut bytes);
+        let stored = load(&bytes, PlaneFormat::Accumulator64);
+        assert_eq!((stored.color, stored.alpha), ([4095, 0, 4095], 7));
     }
 
     #[test]
