@@ -1,6 +1,6 @@
 //! The ideal of a frame.
 
-use super::{PiecewiseLinear, Rays, Scene, Visibility};
+use super::{PiecewiseLinear, Rays, Scene, Transfer, Visibility, Voxels};
 use crate::fixed::FULL;
 use crate::memory::voxel::PermutedVolume;
 use crate::render::Task;
@@ -14,7 +14,7 @@ use vg500_regs::{Fault, FaultCode, Field, Permutation, SharedView};
 pub fn scene(
     task: &Task,
     memory: SharedView<'_>,
-) -> Result<Scene<impl Fn([usize; 3]) -> f64 + use<>, impl Fn(f64) -> [f64; 4] + use<>>, Fault> {
+) -> Result<Scene<impl Voxels + use<>, impl Transfer + use<>>, Fault> {
     let frame = &task.frame;
     serves(task)?;
     let one = f64::from(1 << RAY_POSITION.fraction);
@@ -24,7 +24,7 @@ pub fn scene(
         .ok_or(Fault::new(FaultCode::Internal, table_select::COLOR))?;
     Ok(Scene {
         size,
-        voxel: move |[x, y, z]: [usize; 3]| f64::from(voxels[(z * size[1] + y) * size[0] + x]),
+        voxels: move |[x, y, z]: [usize; 3]| f64::from(voxels[(z * size[1] + y) * size[0] + x]),
         transfer: move |value| transfer.at(value),
         permutation: frame.permutation,
         rays: Rays {

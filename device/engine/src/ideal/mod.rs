@@ -16,14 +16,21 @@ pub use transfer::PiecewiseLinear;
 
 use vg500_regs::{BlendMode, Permutation};
 
-/// What to render. `V` gives the value of the voxel at an object coordinate, `T` the colour and opacity of a
-/// value: R, G, B (not multiplied by A) and A.
+/// Gives the value of the voxel at an object coordinate.
+pub trait Voxels: Fn([usize; 3]) -> f64 {}
+impl<F: Fn([usize; 3]) -> f64> Voxels for F {}
+
+/// Gives the colour and opacity of a value: R, G, B (not multiplied by A) and A.
+pub trait Transfer: Fn(f64) -> [f64; 4] {}
+impl<F: Fn(f64) -> [f64; 4]> Transfer for F {}
+
+/// What to render.
 #[derive(Clone, Debug)]
 pub struct Scene<V, T> {
     /// Voxels along object x, y and z; at least 1 each.
     pub size: [usize; 3],
-    /// Value of a voxel; coordinates are below `size`.
-    pub voxel: V,
+    /// Values of the voxels; it is asked for coordinates below `size` only.
+    pub voxels: V,
     /// Transfer function.
     pub transfer: T,
     /// Which object axis each permuted axis follows; permuted z runs away from the viewer.
@@ -76,7 +83,7 @@ impl Visibility {
     }
 }
 
-impl<V: Fn([usize; 3]) -> f64, T: Fn(f64) -> [f64; 4]> Scene<V, T> {
+impl<V: Voxels, T: Transfer> Scene<V, T> {
     /// All rays, row by row.
     #[must_use]
     pub fn render(&self) -> Vec<Ray> {
@@ -104,18 +111,21 @@ impl<V: Fn([usize; 3]) -> f64, T: Fn(f64) -> [f64; 4]> Scene<V, T> {
 
     /// Sends one ray through the volume, front to back, from a position in the first slice.
     pub fn trace(&self, start: [f64; 2], ray: &mut Ray) {
+        for value in self.samples(start) {
+            ray.blend(self.blend, value, (self.transfer)(value));
+        }
+    }
+
+    /// Values of the visible samples along a ray, front to back, from a position in the first slice.
+    pub fn samples(&self, start: [f64; 2]) -> impl Iterator<Item = f64> {
         let depth = self.permutation.permuted(self.size)[2];
-        let factor = f64::from(self.rays.supersampling);
-        for slice in 0..=(depth.saturating_sub(1)) * self.rays.supersampling as usize {
+        let slices = 0..=depth.saturating_sub(1) * self.rays.supersampling as usize;
+        let positions = slices.filter_map(move |slice| {
             let slice = slice as f64;
             let [x, y] = [0, 1].map(|axis| start[axis] + slice * self.rays.step[axis]);
-            if let Some(position) = self.object_position([x, y, slice / factor])
-                && self.visibility.contains(position)
-            {
-                let value = self.sample(position);
-                ray.blend(self.blend, value, (self.transfer)(value));
-            }
-        }
+            self.object_position([x, y, slice / f64::from(self.rays.supersampling)])
+        });
+        positions.filter(|position| self.visibility.contains(*position)).map(|position| self.sample(position))
     }
 
     /// The object position of a permuted one, if a sample exists there: not outside of the outermost voxels.
@@ -134,7 +144,7 @@ impl<V: Fn([usize; 3]) -> f64, T: Fn(f64) -> [f64; 4]> Scene<V, T> {
         let [x, y, z] = [0, 1, 2].map(|axis| inside[axis] - cell[axis] as f64);
         let corner = |dx, dy, dz| {
             let offset: [usize; 3] = [dx, dy, dz];
-            (self.voxel)([0, 1, 2].map(|axis: usize| (cell[axis] + offset[axis]).min(self.size[axis] - 1)))
+            (self.voxels)([0, 1, 2].map(|axis: usize| (cell[axis] + offset[axis]).min(self.size[axis] - 1)))
         };
         let along_x = |dy, dz| mix(corner(0, dy, dz), corner(1, dy, dz), x);
         let along_y = |dz| mix(along_x(0, dz), along_x(1, dz), y);
@@ -152,10 +162,10 @@ mod tests {
     use super::*;
 
     /// Value 100 x + 10 y + z, shown as colour and opacity.
-    fn ramp(size: [usize; 3]) -> Scene<impl Fn([usize; 3]) -> f64, impl Fn(f64) -> [f64; 4]> {
+    fn ramp(size: [usize; 3]) -> Scene<impl Voxels, impl Transfer> {
         Scene {
             size,
-            voxel: |[x, y, z]: [usize; 3]| (100 * x + 10 * y + z) as f64,
+            voxels: |[x, y, z]: [usize; 3]| (100 * x + 10 * y + z) as f64,
             transfer: |value: f64| [value, -value, 2.0 * value, 1.0],
             permutation: Permutation::IDENTITY,
             rays: Rays { start: [0.0; 2], step: [0.0; 2], supersampling: 1, size: [1, 1] },

@@ -1,0 +1,39 @@
+//! How fast the reference is. Not a test: `cargo test --release -p vg500-engine --test renderers speed --
+//! --ignored --nocapture --test-threads 1` prints it.
+
+use crate::card::Card;
+use crate::grid::Grid;
+use crate::scene::{Scene, UNLIT, VOXEL};
+use std::time::Instant;
+use vg500_engine::frame::Illumination;
+use vg500_regs::memory::Table;
+use vg500_regs::{BlendMode, Permutation};
+
+const SIDE: usize = 256;
+
+fn report(name: &str, card: &mut Card, scene: &Scene) {
+    let begin = Instant::now();
+    let report = card.render(scene).unwrap();
+    let seconds = begin.elapsed().as_secs_f64();
+    let mega = report.samples as f64 / 1e6;
+    println!("{name:>24}: {seconds:7.3} s, {:7.1} M samples/s", mega / seconds);
+}
+
+#[test]
+#[ignore = "prints times"]
+fn frames_of_256_cubed() {
+    let mut card = Card::with_transfer(|value| ([value as u8, 200, (value >> 4) as u8], value >> 5));
+    card.set_map(Table::Diffuse, |[x, y, z]| (128 + 5 * x + 3 * y + 8 * z) as u8);
+    card.set_map(Table::Specular, |[x, y, z]| (128 - 5 * x + 3 * y + 8 * z) as u8);
+    let head_on = Scene::new(card.load(&Grid::blobs([SIDE; 3])));
+    report("head-on", &mut card, &head_on);
+    let sheared = Scene { step: [VOXEL / 3, VOXEL / 5], ..head_on.clone() }.with_all_rays();
+    report("sheared", &mut card, &sheared);
+    for (name, word) in [("along y", 0x120), ("along x", 0x012), ("x and y exchanged", 0x201)] {
+        let permutation = Permutation::from_word(word).unwrap();
+        report(name, &mut card, &Scene { permutation, ..sheared.clone() });
+    }
+    report("MIP", &mut card, &Scene { blend: BlendMode::Maximum, ..sheared.clone() });
+    let lit = Illumination { emissive: 60, diffuse: 200, specular: 90, eye: [0, 0, 32767], ..UNLIT };
+    report("illuminated", &mut card, &Scene { illumination: lit, ..sheared });
+}
