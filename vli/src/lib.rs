@@ -8,6 +8,7 @@ mod context;
 mod crop;
 mod cursor;
 mod cut_plane;
+pub mod file;
 pub mod geometry;
 pub mod illumination;
 mod lookup_table;
