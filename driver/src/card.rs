@@ -1,5 +1,6 @@
 //! A card: how it is opened, and what all its parts share.
 
+use core::fmt;
 use std::sync::Mutex;
 use std::time::Duration;
 
@@ -183,6 +184,12 @@ impl Card {
     /// One of the mapped memories.
     pub(crate) fn memory(&self, bar: Bar) -> Result<SharedView<'_>, Error> {
         self.transport.memory(bar.index).ok_or(Error::BarNotMapped { bar })
+    }
+}
+
+impl fmt::Debug for Card {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Card").field("info", &self.info).finish_non_exhaustive()
     }
 }
 

@@ -9,7 +9,7 @@ use crate::fake::{FakeCard, Setup, open, open_with};
 use crate::{Architecture, Renderer, SimdLevel};
 
 fn refused(setup: Setup) -> String {
-    Card::open(Box::new(FakeCard::new(setup))).err().expect("an error").to_string()
+    Card::open(Box::new(FakeCard::new(setup))).unwrap_err().to_string()
 }
 
 #[test]
