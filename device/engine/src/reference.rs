@@ -8,11 +8,11 @@ use crate::plan::{Plan, SampleSlice};
 use crate::render::{Cancel, Memories, Task};
 use crate::stage::classify::{Classified, classify};
 use crate::stage::composite::Ray;
-use crate::stage::gradient::{from_difference, from_samples, to_object, voxel_difference};
+use crate::stage::gradient::{from_difference, from_samples, to_object};
 use crate::stage::illuminate::{Light, illuminate, light};
-use crate::stage::interpolate::trilinear;
 use crate::stage::magnitude::magnitude;
 use crate::stage::sample::SampleGrid;
+use crate::stage::visibility::UNCUT;
 use vg500_regs::limit::SUM_SAMPLES;
 use vg500_regs::memory::plane_offset;
 use vg500_regs::table::*;
@@ -62,11 +62,10 @@ fn render_volume(
         voxels
             .load(below - margin..=below + 1 + margin)
             .map_err(|_| Fault::new(FaultCode::Range, volume_base::OFFSET))?;
-        samples.interpolate(slice, &voxels, margin);
+        samples.interpolate(slice, &voxels, needs.gradient);
         for row in slice.y.rays.clone() {
             for column in slice.x.rays.clone() {
-                let beam =
-                    Sample { task, needs, slice, voxels: &voxels, samples: &samples, ray: [column, row] };
+                let beam = Sample { task, needs, slice, samples: &samples, ray: [column, row] };
                 beam.composite(&mut rays[(row * task.frame.rays.size[0] + column) as usize]);
             }
         }
@@ -79,7 +78,6 @@ struct Sample<'a> {
     task: &'a Task,
     needs: Needs,
     slice: &'a SampleSlice,
-    voxels: &'a VoxelSlices<'a>,
     samples: &'a SampleGrid,
     ray: [u32; 2],
 }
@@ -87,15 +85,18 @@ struct Sample<'a> {
 impl Sample<'_> {
     fn composite(&self, ray: &mut Ray) {
         let frame = &self.task.frame;
-        let position = object_position(frame, self.slice, self.ray);
-        if !frame.visibility.block_contains(position) {
-            return;
-        }
-        let factor = frame.visibility.factor(position);
-        if frame.output.blend == BlendMode::Alpha
-            && let Some(cursor) = cursor_sample(frame, position, factor)
-        {
-            ray.blend(BlendMode::Alpha, 0, cursor);
+        let mut factor = UNCUT;
+        if self.needs.position() {
+            let position = object_position(frame, self.slice, self.ray);
+            if !frame.visibility.block_contains(position) {
+                return;
+            }
+            factor = frame.visibility.factor(position);
+            if frame.output.blend == BlendMode::Alpha
+                && let Some(cursor) = cursor_sample(frame, position, factor)
+            {
+                ray.blend(BlendMode::Alpha, 0, cursor);
+            }
         }
         if factor > 0 {
             let [column, row] = self.ray.map(i64::from);
@@ -108,6 +109,11 @@ impl Sample<'_> {
     fn shade(&self, value: u16, factor: u32) -> Classified {
         let illumination = &self.task.frame.illumination;
         let classified = classify(&self.task.tables, value);
+        let shown = matches!(self.task.frame.output.blend, BlendMode::Maximum | BlendMode::Minimum);
+        if classified.alpha == 0 && !shown {
+            // Multiplied by its opacity its colour is nothing, lit or not.
+            return classified;
+        }
         let gradient = if self.needs.gradient { self.gradient() } else { [0; 3] };
         let modulation = match self.needs.magnitude {
             true => self.task.tables.gradient_magnitude[usize::from(magnitude(gradient))],
@@ -133,13 +139,8 @@ impl Sample<'_> {
         let [column, row] = self.ray.map(i64::from);
         let x = from_samples(self.samples.at(column - 1, row), self.samples.at(column + 1, row));
         let y = from_samples(self.samples.at(column, row - 1), self.samples.at(column, row + 1));
-        let SampleSlice { x: across, y: down, .. } = self.slice;
-        let cell = [across.voxel(column), down.voxel(row), self.slice.voxel_slice()];
-        let [before, behind] = [-1, 1].map(|step| self.voxels.corners([cell[0], cell[1], cell[2] + step]));
-        let difference = |z: usize, y: usize, x: usize| voxel_difference(before[z][y][x], behind[z][y][x]);
-        let differences = [0, 1].map(|z| [0, 1].map(|y| [0, 1].map(|x| difference(z, y, x))));
-        let z = trilinear(differences, [across.weight(), down.weight(), self.slice.weight_z()]);
-        to_object([x, y, from_difference(z)], &self.task.frame.permutation)
+        let z = from_difference(self.samples.difference_at(column, row));
+        to_object([x, y, z], &self.task.frame.permutation)
     }
 }
 

@@ -54,6 +54,12 @@ impl FrameDescription {
 }
 
 impl Needs {
+    /// Whether it matters where in the volume a sample lies.
+    #[must_use]
+    pub const fn position(&self) -> bool {
+        self.bounds || self.crop || self.cut || self.cursor
+    }
+
     /// The stages left out, as bits of the register `REPORT_OMITTED`.
     #[must_use]
     pub fn omitted(&self) -> u32 {

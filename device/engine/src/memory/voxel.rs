@@ -1,6 +1,7 @@
 //! Voxels in permuted order.
 
 use crate::frame::FrameDescription;
+use vg500_regs::limit::VOLUME_SIZE;
 use vg500_regs::shared::OutOfRange;
 use vg500_regs::{SharedView, VoxelFormat};
 
@@ -41,22 +42,49 @@ impl<'a> PermutedVolume<'a> {
     /// Reads voxel slice `z` as 12-bit values, rows of `size[0]`. Slices outside of the volume replicate its
     /// outermost ones.
     pub fn read_slice(&self, z: i64, values: &mut Vec<u16>) -> Result<(), OutOfRange> {
-        let [width, height, depth] = self.size;
+        let [_, height, depth] = self.size;
         let z = z.clamp(0, depth as i64 - 1) as isize;
         values.clear();
         for y in 0..height as isize {
-            let row = self.origin + z * self.strides[2] + y * self.strides[1];
-            for x in 0..width as isize {
-                values.push(self.read(row + x * self.strides[0])?);
-            }
+            self.read_row(self.origin + z * self.strides[2] + y * self.strides[1], values)?;
         }
         Ok(())
     }
 
-    fn read(&self, offset: isize) -> Result<u16, OutOfRange> {
-        let mut stored = [0; 2];
-        self.memory.read(offset as usize, &mut stored[..self.format.bytes()])?;
-        Ok(self.format.value(u16::from_le_bytes(stored)))
+    /// Appends the row whose first voxel lies at byte `first`.
+    fn read_row(&self, first: isize, values: &mut Vec<u16>) -> Result<(), OutOfRange> {
+        let stride = self.strides[0];
+        if stride.unsigned_abs() != self.format.bytes() {
+            for x in 0..self.size[0] as isize {
+                let mut stored = [0; 2];
+                self.memory.read((first + x * stride) as usize, &mut stored[..self.format.bytes()])?;
+                values.push(self.format.value(u16::from_le_bytes(stored)));
+            }
+            return Ok(());
+        }
+        let begin = values.len();
+        self.read_run(first + stride.min(0) * (self.size[0] as isize - 1), values)?;
+        if stride < 0 {
+            values[begin..].reverse();
+        }
+        Ok(())
+    }
+
+    /// Appends a row of voxels that follow each other in memory from byte `lowest` on.
+    fn read_run(&self, lowest: isize, values: &mut Vec<u16>) -> Result<(), OutOfRange> {
+        let mut stored = [0; 2 * VOLUME_SIZE as usize];
+        let stored = &mut stored[..self.size[0] * self.format.bytes()];
+        self.memory.read(lowest as usize, stored)?;
+        match self.format {
+            VoxelFormat::Uint8 => {
+                values.extend(stored.iter().map(|byte| self.format.value(u16::from(*byte))));
+            }
+            VoxelFormat::Uint12Lower | VoxelFormat::Uint12Upper => {
+                let pairs = stored.as_chunks::<2>().0;
+                values.extend(pairs.iter().map(|pair| self.format.value(u16::from_le_bytes(*pair))));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -92,17 +120,11 @@ impl<'a> VoxelSlices<'a> {
         z.rem_euclid(4) as usize
     }
 
-    /// The voxels at the corners `[z][y][x]` of the cell whose lowest voxel is `first`; reads past the volume
-    /// replicate its faces.
+    /// The row at `y` of a slice that is loaded; rows past the volume replicate its outermost ones.
     #[must_use]
-    pub fn corners(&self, first: [i64; 3]) -> [[[u16; 2]; 2]; 2] {
-        let [x, y, z] = first;
+    pub fn row(&self, y: i64, z: i64) -> &[u16] {
         let [width, height, _] = self.volume.size;
-        let columns = [x, x + 1].map(|x| x.clamp(0, width as i64 - 1) as usize);
-        let rows = [y, y + 1].map(|y| y.clamp(0, height as i64 - 1) as usize * width);
-        [z, z + 1].map(|z| {
-            let slice = &self.slices[Self::place(z)];
-            rows.map(|row| columns.map(|column| slice[row + column]))
-        })
+        let first = y.clamp(0, height as i64 - 1) as usize * width;
+        &self.slices[Self::place(z)][first..first + width]
     }
 }

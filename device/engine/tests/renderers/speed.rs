@@ -11,12 +11,14 @@ use vg500_regs::{BlendMode, Permutation};
 
 const SIDE: usize = 256;
 
+/// Prints the best of several times.
 fn report(name: &str, card: &mut Card, scene: &Scene) {
-    let begin = Instant::now();
-    let report = card.render(scene).unwrap();
-    let seconds = begin.elapsed().as_secs_f64();
-    let mega = report.samples as f64 / 1e6;
-    println!("{name:>24}: {seconds:7.3} s, {:7.1} M samples/s", mega / seconds);
+    let run = |_| {
+        let begin = Instant::now();
+        (card.render(scene).unwrap().samples, begin.elapsed().as_secs_f64())
+    };
+    let (samples, seconds) = (0..5).map(run).min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    println!("{name:>24}: {seconds:7.3} s, {:7.1} M samples/s", samples as f64 / 1e6 / seconds);
 }
 
 #[test]
@@ -35,5 +37,7 @@ fn frames_of_256_cubed() {
     }
     report("MIP", &mut card, &Scene { blend: BlendMode::Maximum, ..sheared.clone() });
     let lit = Illumination { emissive: 60, diffuse: 200, specular: 90, eye: [0, 0, 32767], ..UNLIT };
-    report("illuminated", &mut card, &Scene { illumination: lit, ..sheared });
+    report("illuminated", &mut card, &Scene { illumination: lit, ..sheared.clone() });
+    card.set_transfer(|value| ([value as u8, 200, 90], if value < 2500 { 0 } else { 2000 }));
+    report("illuminated surfaces", &mut card, &Scene { illumination: lit, ..sheared });
 }
