@@ -139,6 +139,22 @@ fn tags_wrap_around() {
 }
 
 #[test]
+fn a_reset_card_does_not_pass_for_the_end_of_a_frame_with_tag_zero() {
+    let (card, fake) = open();
+    let plane = card.allocate_plane(PlaneFormat::Rgba8).unwrap();
+    for _ in 0..0xffff {
+        card.submit(&plane, &view(0)).unwrap();
+    }
+    card.reset().unwrap();
+    fake.hold(true);
+    let ticket = card.submit(&plane, &view(0)).unwrap();
+    assert_eq!(ticket.tag(), 0);
+    assert!(!card.has_ended(ticket).unwrap());
+    fake.finish();
+    card.wait(ticket, SOON).unwrap();
+}
+
+#[test]
 fn a_steady_frame_is_one_message_of_at_most_twenty_words() {
     let (card, fake) = open();
     let plane = card.allocate_plane(PlaneFormat::Rgba8).unwrap();

@@ -206,6 +206,9 @@ fn a_card_that_goes_silent_is_dead_at_once_and_for_good() {
     let error = card.submit(&plane, &FrameRegisters::default()).unwrap_err();
     assert_eq!(error.to_string(), "the card is dead: writing registers: no answer within 200ms");
     assert!(start.elapsed() >= Duration::from_millis(200) && start.elapsed() < SOON);
+    let start = Instant::now();
+    (0..100).for_each(|_| assert!(matches!(card.mistakes(), Err(Error::CardDead { .. }))));
+    assert!(start.elapsed() < SOON / 2, "no call waits for a silent card twice");
     faults.silent.store(false, Ordering::Relaxed);
     while fake.frames().is_empty() {
         thread::sleep(Duration::from_millis(1));
