@@ -1,2 +1,7 @@
 //! The `volumepro-device` process.
-fn main() {}
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    volumepro_device::run()
+}

@@ -1,0 +1,299 @@
+//! The process: command line, log, signals, exit code.
+
+use std::io::Write;
+use std::os::fd::{FromRawFd, OwnedFd};
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::net::{SocketAddr, UnixDatagram};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use clap::error::ErrorKind;
+use tokio::signal::unix::{SignalKind, signal};
+use vg500_engine::Renderer;
+use vg500_regs::pci::{ALTERNATE_VENDOR_ID, VENDOR_ID, VOXEL_MEMORY_SIZES};
+
+use crate::config::{Config, InterruptMode, Pace};
+use crate::listener::{ListenError, Listener};
+use crate::serve::{Handle, ServeError, serve};
+
+/// Exit code for an unusable command line.
+const USAGE: u8 = 2;
+/// Exit code for a failure later on.
+const FAILURE: u8 = 1;
+/// The first descriptor that a service manager hands over.
+const FIRST_INHERITED: i32 = 3;
+
+/// The VolumePro 500 volume rendering card as a vfio-user device.
+#[derive(Debug, Parser)]
+#[command(name = "volumepro-device", version, allow_negative_numbers = true)]
+struct Arguments {
+    /// Socket at which clients connect; a service manager can hand over a listening one instead (LISTEN_FDS).
+    #[arg(long, value_name = "PATH")]
+    socket: Option<PathBuf>,
+    /// Name every programming mistake in trace and log, and count it in the registers.
+    #[arg(long)]
+    strict: bool,
+    /// Write a line for each trapped access and each event of a command to a file.
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
+    /// Complete commands when the real card would have.
+    #[arg(long, value_parser = pace)]
+    pace: Option<Pace>,
+    /// Interrupts on offer: msix (with msi), msi, or intx as on the card of 1999.
+    #[arg(long, default_value = "msix", value_parser = interrupts)]
+    interrupt: InterruptMode,
+    /// Voxel memory in MiB: 128 or 256.
+    #[arg(long, default_value = "128", value_parser = voxel_memory, value_name = "MIB")]
+    voxel_memory: u64,
+    /// Which renderer runs: reference.
+    #[arg(long, default_value = "reference", value_parser = renderer)]
+    renderer: Renderer,
+    /// Vector instructions of the engine: auto or portable.
+    #[arg(long, default_value = "auto", value_parser = simd, value_name = "LEVEL")]
+    simd: Served,
+    /// Threads that render: 1.
+    #[arg(long, default_value = "1", value_parser = threads, value_name = "N")]
+    threads: Served,
+    /// PCI vendor ID: 1067 or 10ba.
+    #[arg(long, default_value = "1067", value_parser = vendor, value_name = "ID")]
+    vendor: u16,
+}
+
+/// A value that asks for what there is.
+#[derive(Clone, Copy, Debug)]
+struct Served;
+
+fn pace(name: &str) -> Result<Pace, String> {
+    match name {
+        "hardware" => Ok(Pace::Hardware),
+        _ => Err("only `hardware` is served".into()),
+    }
+}
+
+fn interrupts(name: &str) -> Result<InterruptMode, String> {
+    match name {
+        "msix" => Ok(InterruptMode::Msix),
+        "msi" => Ok(InterruptMode::Msi),
+        "intx" => Ok(InterruptMode::Intx),
+        _ => Err("one of msix, msi, intx".into()),
+    }
+}
+
+fn voxel_memory(size: &str) -> Result<u64, String> {
+    let bytes = size.parse().ok().and_then(|size: u64| size.checked_mul(1 << 20));
+    bytes.filter(|bytes| VOXEL_MEMORY_SIZES.contains(bytes)).ok_or_else(|| "one of 128, 256".into())
+}
+
+fn renderer(name: &str) -> Result<Renderer, String> {
+    match name {
+        "reference" => Ok(Renderer::Reference),
+        _ => Err("only `reference` is served".into()),
+    }
+}
+
+/// The reference renderer is portable.
+fn simd(level: &str) -> Result<Served, String> {
+    match level {
+        "auto" | "portable" => Ok(Served),
+        "avx2" | "avx512" => Err("not served by this renderer".into()),
+        _ => Err("one of auto, avx512, avx2, portable".into()),
+    }
+}
+
+/// The reference renderer has one thread.
+fn threads(count: &str) -> Result<Served, String> {
+    match count.parse::<u16>() {
+        Ok(1) => Ok(Served),
+        Ok(_) => Err("the renderer has 1 thread".into()),
+        Err(_) => Err("not a number".into()),
+    }
+}
+
+fn vendor(id: &str) -> Result<u16, String> {
+    let id = u16::from_str_radix(id.trim_start_matches("0x"), 16).ok();
+    id.filter(|id| [VENDOR_ID, ALTERNATE_VENDOR_ID].contains(id)).ok_or_else(|| "one of 1067, 10ba".into())
+}
+
+/// Why the process ends.
+#[derive(Debug, thiserror::Error)]
+enum Failure {
+    #[error("no --socket, and no listening socket handed over")]
+    NoSocket,
+    #[error(transparent)]
+    Listen(#[from] ListenError),
+    #[error(transparent)]
+    Serve(#[from] ServeError),
+    #[error(transparent)]
+    System(#[from] std::io::Error),
+}
+
+impl Failure {
+    const fn code(&self) -> u8 {
+        match self {
+            Self::Listen(ListenError::InUse { .. }) => FAILURE,
+            Self::NoSocket | Self::Listen(_) | Self::Serve(ServeError::Trace { .. }) => USAGE,
+            _ => FAILURE,
+        }
+    }
+}
+
+/// The `volumepro-device` command. Exit code 0 after an orderly end, 2 for an unusable command line, 1 for
+/// other failures; each failure is one line on standard error.
+#[must_use]
+pub fn run() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return refuse(&error),
+    };
+    _ = tracing_subscriber::fmt().with_writer(std::io::stderr).try_init();
+    match execute(arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            complain(&failure.to_string());
+            ExitCode::from(failure.code())
+        }
+    }
+}
+
+fn refuse(error: &clap::Error) -> ExitCode {
+    if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
+        _ = error.print();
+        return ExitCode::SUCCESS;
+    }
+    // The first paragraph tells what is wrong; its lines become one.
+    let text = error.to_string();
+    let paragraph: Vec<_> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
+    complain(paragraph.join(" ").trim_start_matches("error: "));
+    ExitCode::from(USAGE)
+}
+
+/// One line on standard error, if that still exists.
+fn complain(text: &str) {
+    _ = writeln!(std::io::stderr(), "volumepro-device: {text}");
+}
+
+fn execute(arguments: Arguments) -> Result<(), Failure> {
+    let (listener, place) = listener(arguments.socket)?;
+    let config = Config {
+        vendor: arguments.vendor,
+        strict: arguments.strict,
+        trace: arguments.trace,
+        pace: arguments.pace.unwrap_or_default(),
+        interrupts: arguments.interrupt,
+        voxel_memory: arguments.voxel_memory,
+        renderer: arguments.renderer,
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    let result = runtime.block_on(control(|| serve(listener, &config), &place));
+    runtime.shutdown_background();
+    result
+}
+
+/// Serves until the card ends or a signal asks for the end.
+async fn control(start: impl FnOnce() -> Result<Handle, ServeError>, place: &str) -> Result<(), Failure> {
+    // Before anybody can know that the process is ready.
+    let (mut interrupt, mut terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+    let card = start()?;
+    let stopper = card.stopper();
+    let mut ended = tokio::task::spawn_blocking(|| card.join());
+    announce(place);
+    let ended = tokio::select! {
+        ended = &mut ended => ended,
+        _ = interrupt.recv() => { stopper.request(); ended.await }
+        _ = terminate.recv() => { stopper.request(); ended.await }
+    };
+    Ok(ended.map_err(std::io::Error::other)??)
+}
+
+/// The socket to listen on, and what to call it.
+fn listener(socket: Option<PathBuf>) -> Result<(Listener, String), Failure> {
+    match (socket, inherited()) {
+        (Some(path), _) => Ok((Listener::bind(&path)?, path.display().to_string())),
+        (None, Some(socket)) => Ok((Listener::inherit(socket)?, "an inherited socket".into())),
+        (None, None) => Err(Failure::NoSocket),
+    }
+}
+
+/// The descriptor that a service manager hands over, as systemd's `sd_listen_fds` defines it.
+fn inherited() -> Option<OwnedFd> {
+    let number = |name| std::env::var(name).ok()?.parse::<u32>().ok();
+    if number("LISTEN_PID") != Some(std::process::id()) || number("LISTEN_FDS").unwrap_or(0) == 0 {
+        return None;
+    }
+    // SAFETY: the environment says that the descriptor was opened for this process, which takes it here, once,
+    // before it has opened any other. If that is a lie, `Listener::inherit` finds no socket.
+    Some(unsafe { OwnedFd::from_raw_fd(FIRST_INHERITED) })
+}
+
+/// Tells whoever has started the process that clients can connect.
+fn announce(place: &str) {
+    let mut output = std::io::stdout();
+    _ = writeln!(output, "listening on {place}").and_then(|()| output.flush());
+    if let Some(name) = std::env::var_os("NOTIFY_SOCKET") {
+        _ = notify(name.as_encoded_bytes());
+    }
+}
+
+/// `sd_notify`: a name that begins with `@` is an abstract one.
+fn notify(name: &[u8]) -> std::io::Result<()> {
+    let address = match name.strip_prefix(b"@") {
+        Some(name) => SocketAddr::from_abstract_name(name)?,
+        None => SocketAddr::from_pathname(PathBuf::from(String::from_utf8_lossy(name).as_ref()))?,
+    };
+    UnixDatagram::unbound()?.send_to_addr(b"READY=1", &address).map(drop)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(words: &[&str]) -> Result<Arguments, clap::Error> {
+        Arguments::try_parse_from(std::iter::once(&"volumepro-device").chain(words))
+    }
+
+    #[test]
+    fn values_that_are_not_served_are_named() {
+        let cases: [&[&str]; 12] = [
+            &["--simd", "avx2"],
+            &["--simd", "mmx"],
+            &["--threads", "2"],
+            &["--threads", "-1"],
+            &["--threads", "many"],
+            &["--renderer", "optimised"],
+            &["--voxel-memory", "64"],
+            &["--voxel-memory", "99999999999999999999"],
+            &["--pace", "slow"],
+            &["--interrupt", "irq"],
+            &["--vendor", "8086"],
+            &["--vendor", "xyz"],
+        ];
+        for words in cases {
+            let error = parse(words).unwrap_err();
+            assert_eq!(error.exit_code(), i32::from(USAGE));
+            assert!(error.to_string().contains(words[1]), "{error}");
+        }
+        assert!(parse(&["--unknown"]).is_err());
+        assert!(parse(&["leftover"]).is_err());
+    }
+
+    #[test]
+    fn the_default_is_the_default_card() {
+        let arguments = parse(&["--socket", "card.sock"]).unwrap();
+        let default = Config::default();
+        assert_eq!((arguments.vendor, arguments.voxel_memory), (default.vendor, default.voxel_memory));
+        assert_eq!((arguments.renderer, arguments.interrupt), (default.renderer, default.interrupts));
+        assert!(!arguments.strict && arguments.pace.is_none() && arguments.trace.is_none());
+    }
+
+    #[test]
+    fn every_option_is_understood() {
+        let line = "--socket s --strict --trace t --pace hardware --interrupt intx --voxel-memory 256 \
+                    --renderer reference --simd portable --threads 1 --vendor 10ba";
+        let arguments = parse(&line.split_whitespace().collect::<Vec<_>>()).unwrap();
+        assert!(arguments.strict);
+        assert_eq!(arguments.pace, Some(Pace::Hardware));
+        assert_eq!(arguments.interrupt, InterruptMode::Intx);
+        assert_eq!((arguments.vendor, arguments.voxel_memory), (0x10ba, 256 << 20));
+    }
+}
