@@ -5,10 +5,11 @@ use crate::grid::{Chance, Grid};
 use crate::scene::{LIT, MODES, Scene, VOXEL};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+use vg500_engine::fixed::narrow;
 use vg500_engine::{Cancel, Memories, Renderer};
 use vg500_regs::memory::{plane_offset, planes};
 use vg500_regs::table::{accumulators, start};
-use vg500_regs::{BlendMode, Fault, FaultCode, PlaneFormat, SharedView};
+use vg500_regs::{BlendMode, Fault, FaultCode, Permutation, PlaneFormat, SharedView};
 
 /// A small frame in which nothing is aligned.
 fn oblique(card: &mut Card) -> Scene {
@@ -55,6 +56,33 @@ fn the_checksum_is_that_of_the_pixels_in_memory() {
     }
     seen.dedup();
     assert_eq!(seen.len(), 7);
+}
+
+#[test]
+fn stored_bytes_are_the_nearest_to_the_accumulators() {
+    let mut card = Card::with_tables();
+    let scene = oblique(&mut card);
+    for blend in [BlendMode::Alpha, BlendMode::Maximum, BlendMode::Minimum] {
+        let scene = Scene { blend, ..scene.clone() };
+        let expected: Vec<u8> = card.pixels(&scene).iter().flatten().copied().map(narrow).collect();
+        assert!(card.rendered(&scene) == expected, "{blend:?}");
+    }
+}
+
+/// MIP and MinIP show colours as they are lit, whatever their opacity.
+#[test]
+fn extremes_are_lit_even_if_they_are_transparent() {
+    let mut card = Card::new();
+    card.set_maps(&Permutation::IDENTITY);
+    let store = card.load(&Grid::noise([9, 8, 7], &mut Chance::new(43)));
+    for blend in [BlendMode::Maximum, BlendMode::Minimum] {
+        let scene = Scene { blend, illumination: LIT, ..Scene::new(store) };
+        let mut colors = |opacity| {
+            card.set_transfer(|value| ([(value >> 4) as u8; 3], opacity));
+            card.rays(&scene).iter().map(|ray| ray.color).collect::<Vec<_>>()
+        };
+        assert!(colors(0) == colors(4095), "{blend:?}");
+    }
 }
 
 #[test]
