@@ -4,15 +4,21 @@
 //! and [`warp`](warp::warp) makes a picture of it.
 
 mod board;
+pub mod command;
 mod context;
 mod crop;
 mod cursor;
 mod cut_plane;
+#[cfg(feature = "embedded")]
+mod embedded;
 pub mod file;
 pub mod geometry;
 pub mod illumination;
 mod lookup_table;
 mod passes;
+pub mod phantom;
+pub mod transfer;
+pub mod values;
 mod volume;
 pub mod warp;
 

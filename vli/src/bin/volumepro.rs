@@ -1,2 +1,7 @@
 //! The `volumepro` command.
-fn main() {}
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    vli::command::run()
+}

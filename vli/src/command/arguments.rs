@@ -1,13 +1,14 @@
 //! The command line.
 
 use super::lists::{CropList, CutPlaneList, LightList, Numbers, Size};
-use crate::phantom;
+use crate::phantom::{DEFAULT_SIZE, Phantom};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
+use std::str::FromStr;
 
 /// Renders volumes on an emulated VolumePro 500.
 #[derive(Debug, Parser)]
-#[command(name = "volumepro", version, about, allow_negative_numbers = true)]
+#[command(name = "volumepro", version, about)]
 pub struct Arguments {
     /// What to do.
     #[command(subcommand)]
@@ -29,10 +30,10 @@ pub enum Command {
     /// Write a computed volume to an NRRD file.
     Phantom {
         /// Which one.
-        #[arg(value_parser = phantom_name)]
-        name: phantom::Phantom,
+        #[arg(value_parser = Phantom::from_str)]
+        name: Phantom,
         /// Voxels along each axis.
-        #[arg(long = "size", value_name = "N", default_value_t = phantom::DEFAULT_SIZE)]
+        #[arg(long = "size", value_name = "N", default_value_t = DEFAULT_SIZE)]
         size: usize,
         /// File to write.
         #[arg(short, long, value_name = "FILE.nrrd")]
@@ -46,10 +47,10 @@ pub struct Render {
     /// Volume file; without one a phantom is rendered.
     pub volume: Option<PathBuf>,
     /// Render a computed volume instead of a file.
-    #[arg(long, value_name = "NAME", conflicts_with = "volume", value_parser = phantom_name)]
-    pub phantom: Option<phantom::Phantom>,
+    #[arg(long, value_name = "NAME", conflicts_with = "volume", value_parser = Phantom::from_str)]
+    pub phantom: Option<Phantom>,
     /// Voxels along each axis of the phantom.
-    #[arg(long, value_name = "N", conflicts_with = "volume", default_value_t = phantom::DEFAULT_SIZE)]
+    #[arg(long, value_name = "N", conflicts_with = "volume", default_value_t = DEFAULT_SIZE)]
     pub phantom_size: usize,
     /// PNG file to write.
     #[arg(short, long, value_name = "FILE.png")]

@@ -1,0 +1,128 @@
+//! The programs under test, as processes.
+
+use std::fs;
+use std::io::{self, BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// How long a program may take to do what a test waits for.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Runs `volumepro` with these arguments to its end.
+///
+/// # Errors
+/// The program cannot be run.
+pub fn volumepro<S: AsRef<std::ffi::OsStr>>(program: &str, arguments: &[S]) -> io::Result<Output> {
+    Command::new(program).args(arguments).stdin(Stdio::null()).output()
+}
+
+/// A device process that serves until it is dropped.
+pub struct Device {
+    process: Child,
+    folder: tempfile::TempDir,
+}
+
+impl Device {
+    /// Starts the device with further arguments and waits until it listens. It traces into [`Self::trace`].
+    ///
+    /// # Errors
+    /// The process cannot be started, or does not say that it listens.
+    pub fn start(program: &str, arguments: &[&str]) -> io::Result<Self> {
+        let folder = tempfile::tempdir()?;
+        let mut process = Command::new(program)
+            .arg("--socket")
+            .arg(folder.path().join("card.sock"))
+            .arg("--trace")
+            .arg(folder.path().join("trace"))
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()?;
+        let output = process.stderr.take().ok_or_else(|| io::Error::other("no standard error"))?;
+        let mut lines = BufReader::new(output).lines();
+        let listening = lines.by_ref().map_while(Result::ok).any(|line| line.contains("listening on"));
+        // The rest is read so that the process never waits for us.
+        std::thread::spawn(move || lines.for_each(drop));
+        let device = Self { process, folder };
+        if listening { Ok(device) } else { Err(io::Error::other("the device does not listen")) }
+    }
+
+    /// The socket it listens on.
+    #[must_use]
+    pub fn socket(&self) -> PathBuf {
+        self.folder.path().join("card.sock")
+    }
+
+    /// The value of `--device` for this device.
+    #[must_use]
+    pub fn selection(&self) -> String {
+        format!("socket:{}", self.socket().display())
+    }
+
+    /// What it has traced so far.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn trace(&self) -> io::Result<String> {
+        fs::read_to_string(self.folder.path().join("trace"))
+    }
+
+    /// Waits until the connection that began last has ended.
+    ///
+    /// # Errors
+    /// It has not ended after [`PATIENCE`].
+    pub fn wait_for_end(&self) -> io::Result<()> {
+        let begun = Instant::now();
+        while begun.elapsed() < PATIENCE {
+            let trace = self.trace()?;
+            let [begins, ends] = ["begins", "ends:"]
+                .map(|word| trace.lines().filter(|line| line.starts_with("connection") && line.contains(word)).count());
+            if begins == ends {
+                return Ok(());
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Err(io::Error::other("a connection does not end"))
+    }
+
+    /// What the process holds of the system.
+    ///
+    /// # Errors
+    /// It has ended.
+    pub fn holdings(&self) -> io::Result<Holdings> {
+        let process = Path::new("/proc").join(self.process.id().to_string());
+        Ok(Holdings {
+            descriptors: fs::read_dir(process.join("fd"))?.count(),
+            mappings: fs::read_to_string(process.join("maps"))?.lines().filter(|line| line.contains("memfd")).count(),
+            threads: fs::read_dir(process.join("task"))?.count(),
+        })
+    }
+
+    /// Whether the process still runs.
+    ///
+    /// # Errors
+    /// The system does not tell.
+    pub fn is_alive(&mut self) -> io::Result<bool> {
+        Ok(self.process.try_wait()?.is_none())
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        self.process.kill().ok();
+        self.process.wait().ok();
+    }
+}
+
+/// What a process holds of the system.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Holdings {
+    /// Open descriptors.
+    pub descriptors: usize,
+    /// Mapped memory files.
+    pub mappings: usize,
+    /// Threads.
+    pub threads: usize,
+}

@@ -1,0 +1,133 @@
+//! How the volume looks: the context that the arguments describe.
+
+use super::arguments::{Blend, Look, Modulated, Switch};
+use super::error::Error;
+use super::input::Loaded;
+use super::lists::{CutPlaneList, LightList, Numbers};
+use crate::geometry::{Accumulation, Camera, Supersampling};
+use crate::illumination::Light;
+use crate::transfer::{Preset, TransferFunction};
+use crate::{Context, Crop, Cursor, CutPlane, LookupTable, Modulation, Reflection};
+use glam::DVec3;
+use vg500_regs::BlendMode;
+use vg500_regs::limit::LOOKUP_ENTRIES;
+
+/// The light where none is asked for: from the viewer.
+const LIGHT: LightList = LightList { direction: [0.0, 0.0, -1.0], intensity: 1.0 };
+
+/// Colour and opacity (0..=1) of data values, per smallest voxel spacing.
+pub type Transfer = Box<dyn Fn(f64) -> [f64; 4]>;
+
+/// The transfer function that the arguments ask for; a preset's name is printed.
+pub fn transfer(look: &Look, loaded: &Loaded) -> Result<Transfer, Error> {
+    if let Some(path) = &look.transfer {
+        let function = TransferFunction::read_csv(path).map_err(Error::input)?;
+        let opaque = matches!(look.blend, Blend::Mip | Blend::Minip);
+        return Ok(Box::new(move |value| {
+            let [r, g, b, a] = function.at(value);
+            [r, g, b, if opaque { 1.0 } else { a }]
+        }));
+    }
+    if look.blend != Blend::Alpha && look.preset.is_none() {
+        return Ok(grey(loaded.mapping.range()));
+    }
+    let preset = match &look.preset {
+        Some(name) => name.parse::<Preset>().map_err(|error| Error::input(format!("--preset {error}")))?,
+        None => loaded.natural_preset(),
+    };
+    eprintln!("preset {preset}");
+    let function = loaded.preset_function(preset);
+    let opaque = look.blend != Blend::Alpha;
+    Ok(Box::new(move |value| {
+        let [r, g, b, a] = function.at(value);
+        [r, g, b, if opaque { 1.0 } else { a }]
+    }))
+}
+
+/// Grey from black to white over the range, opaque.
+fn grey([low, high]: [f64; 2]) -> Transfer {
+    let width = high - low;
+    Box::new(move |value| {
+        let grey = if width > 0.0 { ((value - low) / width).clamp(0.0, 1.0) } else { 0.0 };
+        [grey, grey, grey, 1.0]
+    })
+}
+
+/// The context of a frame.
+pub fn context(look: &Look, loaded: &Loaded, camera: &Camera, transfer: &Transfer) -> Result<Context, Error> {
+    let mut context = Context::new(lookup_table(loaded, transfer)?);
+    context.camera = *camera.camera_from_world();
+    context.blend = match look.blend {
+        Blend::Alpha => BlendMode::Alpha,
+        Blend::Mip => BlendMode::Maximum,
+        Blend::Minip => BlendMode::Minimum,
+        Blend::Sum => BlendMode::Sum,
+    };
+    context.supersampling = supersampling(look.supersample)?;
+    let shaded = look.shading.map_or(look.blend == Blend::Alpha, |switch| switch == Switch::On);
+    if shaded {
+        context.reflection = reflection(look.material)?;
+        context.lights = lights(&look.light, camera)?;
+    }
+    let modulates = |what| look.modulate.contains(&what);
+    context.modulation = Modulation {
+        opacity: modulates(Modulated::Opacity),
+        diffuse: modulates(Modulated::Diffuse),
+        specular: modulates(Modulated::Specular),
+    };
+    if let Some(Numbers(table)) = look.gradient_table {
+        if !table.iter().all(|value| (0.0..=1.0).contains(value)) {
+            return Err(Error::input("--gradient-table: values are 0..1"));
+        }
+        context.gradient_table = table;
+    }
+    if let Some(crop) = look.crop {
+        context.crop = Crop { slabs: crop.slabs, flags: crop.flags };
+    }
+    context.cut_plane = look.cut_plane.map(cut_plane).transpose()?;
+    if let Some(Numbers(position)) = look.cursor {
+        context.cursor = Cursor { enabled: [true; 3], position, ..Cursor::default() };
+    }
+    Ok(context)
+}
+
+fn lookup_table(loaded: &Loaded, transfer: &Transfer) -> Result<LookupTable, Error> {
+    let entries = (0..LOOKUP_ENTRIES as u16).map(|entry| transfer(loaded.mapping.value(entry)));
+    let (color, opacity) = entries
+        .map(|[r, g, b, a]| ([r, g, b].map(|channel| (channel.clamp(0.0, 1.0) * 255.0).round() as u8), a))
+        .unzip();
+    LookupTable::new(color, opacity).ok_or_else(|| Error::failure("the transfer function leaves 0..1"))
+}
+
+fn supersampling(Numbers(factors): Numbers<3>) -> Result<Supersampling, Error> {
+    if factors.iter().any(|factor| factor.fract() != 0.0) {
+        return Err(Error::input("--supersample: factors are whole numbers"));
+    }
+    Ok(Supersampling::new(factors.map(|factor| factor as u32), Accumulation::Grow)?)
+}
+
+fn reflection(Numbers([emissive, diffuse, specular, exponent]): Numbers<4>) -> Result<Reflection, Error> {
+    let coefficients = [emissive, diffuse, specular].iter().all(|value| (0.0..=1.0).contains(value));
+    if !coefficients || exponent < 0.0 {
+        return Err(Error::input("--material: coefficients are 0..1, the exponent is not negative"));
+    }
+    Ok(Reflection { diffuse, specular, emissive, exponent, color: [1.0; 3] })
+}
+
+/// Lights travel in camera space on the command line, in world space in the library.
+fn lights(list: &[LightList], camera: &Camera) -> Result<Vec<Light>, Error> {
+    let world_from_camera = camera.camera_from_world().inverse();
+    let list = if list.is_empty() { &[LIGHT] } else { list };
+    let light = |light: &LightList| {
+        let direction = world_from_camera.transform_vector3(DVec3::from_array(light.direction));
+        Light::new(direction, light.intensity).ok_or_else(|| Error::input("--light: no usable direction"))
+    };
+    list.iter().map(light).collect()
+}
+
+fn cut_plane(list: CutPlaneList) -> Result<CutPlane, Error> {
+    let [a, b, c, d, thickness, falloff] = list.numbers;
+    CutPlane::new([a, b, c, d], thickness, falloff, list.outside).ok_or_else(|| {
+        Error::input("--cut-plane: the normal is not zero, thickness and falloff are not negative")
+    })
+}

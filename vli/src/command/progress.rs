@@ -1,0 +1,45 @@
+//! Progress on standard error, for what takes longer than a second.
+
+use indicatif::{ProgressBar, ProgressStyle};
+use std::time::{Duration, Instant};
+
+/// How long something may take before its progress is shown.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// A bar that appears once it has been waited for.
+pub struct Progress {
+    what: &'static str,
+    started: Instant,
+    bar: Option<ProgressBar>,
+}
+
+impl Progress {
+    /// Progress of something, in the words of the line that shows it.
+    pub fn new(what: &'static str) -> Self {
+        Self { what, started: Instant::now(), bar: None }
+    }
+
+    /// So much of so much is done.
+    pub fn update(&mut self, done: u64, total: u64) {
+        if self.bar.is_none() && self.started.elapsed() > PATIENCE {
+            let style = ProgressStyle::with_template("{msg} {bar:40} {percent}% {elapsed}");
+            let bar = ProgressBar::new(total).with_message(self.what);
+            self.bar = Some(match style {
+                Ok(style) => bar.with_style(style),
+                Err(_) => bar,
+            });
+        }
+        if let Some(bar) = &self.bar {
+            bar.set_length(total);
+            bar.set_position(done);
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! `volumepro render`.
+
+use super::arguments::{Render, RendererName};
+use super::error::Error;
+use super::input::Loaded;
+use super::progress::Progress;
+use super::statistics::{Statistics, milliseconds, times};
+use super::{card, explain, look, view};
+use crate::geometry::{Camera, ImageSize};
+use crate::warp::{Background, BasePlanePixels, warp};
+use crate::{BasePlane, Context, FrameReport};
+use image::ColorType;
+use std::path::Path;
+use std::time::Instant;
+
+/// Renders a volume to a picture.
+pub fn run(arguments: &Render) -> Result<(), Error> {
+    if arguments.explain.as_deref().is_some_and(|what| !what.is_empty()) {
+        return Err(Error::input("--explain=time: measuring what each omission saves is not served yet"));
+    }
+    let loaded = Loaded::from_arguments(arguments)?;
+    let (camera, size) = view::camera(&arguments.view, arguments.size, loaded.volume.place())?;
+    let transfer = look::transfer(&arguments.look, &loaded)?;
+    let mut context = look::context(&arguments.look, &loaded, &camera, &transfer)?;
+    context.sections = arguments.card.sections;
+    if context.sections {
+        return Err(Error::input("--sections: the card does not work section by section yet"));
+    }
+    // What the card cannot render is said before a card is opened.
+    context.shear_warp(&loaded.volume)?;
+    let base_plane = if arguments.card.renderer == Some(RendererName::Ideal) {
+        return Err(Error::input("--renderer ideal: not served yet"));
+    } else {
+        render(arguments, &loaded, &context)?
+    };
+    save(&base_plane, &camera, size, arguments)
+}
+
+/// Renders all frames on the card, prints what is asked for, and returns the last base plane.
+fn render(arguments: &Render, loaded: &Loaded, context: &Context) -> Result<BasePlane, Error> {
+    let mut board = card::open(&arguments.card)?;
+    let started = Instant::now();
+    board.load(&loaded.volume)?;
+    let upload = started.elapsed();
+    let mut progress = Progress::new("rendering");
+    let mut reports: Vec<FrameReport> = Vec::new();
+    let mut last = board.render(context, &loaded.volume)?;
+    reports.push(last.report);
+    for frame in 1..arguments.frames {
+        progress.update(frame.into(), arguments.frames.into());
+        last = board.render(context, &loaded.volume)?;
+        reports.push(last.report);
+    }
+    drop(progress);
+    if arguments.explain.is_some() {
+        explain::explain(&last.report).iter().for_each(|line| eprintln!("{line}"));
+    }
+    if let Some(format) = arguments.stats {
+        let info = board.card().info();
+        let [renderer, architecture, simd] = card::describe(info);
+        let (render_ms, render_ms_all) = times(&reports, |report| report.engine_time);
+        let (frame_ms, frame_ms_all) = times(&reports, |report| report.frame_time);
+        let statistics = Statistics {
+            dimensions: loaded.volume.size(),
+            base_plane: last.view.base_plane().size(),
+            samples: last.report.samples,
+            samples_processed: last.report.samples_processed,
+            render_ms,
+            frame_ms,
+            upload_ms: milliseconds(upload),
+            render_ms_all,
+            frame_ms_all,
+            left_out: explain::left_out(&last.report),
+            renderer,
+            architecture,
+            simd,
+            threads: info.threads,
+            modelled_cycles: last.report.cycles,
+        };
+        statistics.print(format)?;
+    }
+    Ok(last)
+}
+
+/// Warps a base plane to the picture and writes it.
+fn save(base_plane: &BasePlane, camera: &Camera, size: ImageSize, arguments: &Render) -> Result<(), Error> {
+    let [width, _] = base_plane.size.map(|side| side as usize);
+    let pixels =
+        BasePlanePixels::new(&base_plane.pixels, base_plane.size, width * 4).map_err(Error::failure)?;
+    let map = base_plane.view.image_from_base_plane(&base_plane.plane, camera, size);
+    let (background, color) = match arguments.look.background.0 {
+        Some(color) => (Background::Color(color), ColorType::Rgb8),
+        None => (Background::Transparent, ColorType::Rgba8),
+    };
+    let picture = warp(&pixels, &map, size, background);
+    write_png(&arguments.output, &picture, size, color)
+}
+
+fn write_png(path: &Path, picture: &[u8], size: ImageSize, color: ColorType) -> Result<(), Error> {
+    let format = image::ImageFormat::Png;
+    image::save_buffer_with_format(path, picture, size.width(), size.height(), color, format)
+        .map_err(|error| Error::failure(format!("{}: {error}", path.display())))
+}
