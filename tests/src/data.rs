@@ -6,10 +6,8 @@ use std::path::{Path, PathBuf};
 /// on standard error that names test and file, if it is not there.
 #[must_use]
 pub fn volume(test: &str, name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("VOLUMEPRO_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
-        PathBuf::from,
-    );
+    let folder = std::env::var_os("VOLUMEPRO_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
     let path = folder.join(name);
     if path.is_file() {
         return Some(path);

@@ -77,8 +77,9 @@ impl Device {
         let begun = Instant::now();
         while begun.elapsed() < PATIENCE {
             let trace = self.trace()?;
-            let [begins, ends] = ["begins", "ends:"]
-                .map(|word| trace.lines().filter(|line| line.starts_with("connection") && line.contains(word)).count());
+            let [begins, ends] = ["begins", "ends:"].map(|word| {
+                trace.lines().filter(|line| line.starts_with("connection") && line.contains(word)).count()
+            });
             if begins == ends {
                 return Ok(());
             }
@@ -95,7 +96,10 @@ impl Device {
         let process = Path::new("/proc").join(self.process.id().to_string());
         Ok(Holdings {
             descriptors: fs::read_dir(process.join("fd"))?.count(),
-            mappings: fs::read_to_string(process.join("maps"))?.lines().filter(|line| line.contains("memfd")).count(),
+            mappings: fs::read_to_string(process.join("maps"))?
+                .lines()
+                .filter(|line| line.contains("memfd"))
+                .count(),
             threads: fs::read_dir(process.join("task"))?.count(),
         })
     }

@@ -44,13 +44,25 @@ fn files_that_are_wrong() {
     }]
     .concat();
     let files: [(&str, Vec<u8>, &str); 10] = [
-        ("truncated.nrrd", [header(&format!("{uint8}sizes: 9 9 9")), vec![0; 700]].concat(), "truncated.nrrd"),
+        (
+            "truncated.nrrd",
+            [header(&format!("{uint8}sizes: 9 9 9")), vec![0; 700]].concat(),
+            "truncated.nrrd",
+        ),
         ("lying.nrrd", header(&format!("{uint8}sizes: 2000 2000 2000")), "lying.nrrd"),
-        ("gzip.nrrd", header("type: double\ndimension: 3\nencoding: gzip\nendian: little\nsizes: 900 900 900"), "gzip.nrrd"),
+        (
+            "gzip.nrrd",
+            header("type: double\ndimension: 3\nencoding: gzip\nendian: little\nsizes: 900 900 900"),
+            "gzip.nrrd",
+        ),
         ("zero.nrrd", header(&format!("{uint8}sizes: 0 9 9")), "sizes"),
         ("absurd.nrrd", header(&format!("{uint8}sizes: 99999999999 99999999999 9")), "sizes"),
         ("negative.nrrd", header(&format!("{uint8}sizes: -1 9 9")), "sizes"),
-        ("spacing.nrrd", [header(&format!("{uint8}sizes: 1 1 1\nspacings: 1 nan 1")), vec![0]].concat(), "spacings"),
+        (
+            "spacing.nrrd",
+            [header(&format!("{uint8}sizes: 1 1 1\nspacings: 1 nan 1")), vec![0]].concat(),
+            "spacings",
+        ),
         ("nan.nrrd", floats, "(1, 0, 0)"),
         ("empty.nrrd", vec![], "empty.nrrd"),
         ("text.txt", b"hello".to_vec(), "text.txt"),
@@ -78,7 +90,17 @@ fn transfer_functions_that_are_wrong() {
         ("value,red,green,blue,opacity\n1,0,x,0,1\n", "2"),
     ] {
         fs::write(path.join("transfer.csv"), content).unwrap();
-        let arguments = ["render", "--phantom", "sphere", "--phantom-size", "8", "-o", "out.png", "--transfer", "transfer.csv"];
+        let arguments = [
+            "render",
+            "--phantom",
+            "sphere",
+            "--phantom-size",
+            "8",
+            "-o",
+            "out.png",
+            "--transfer",
+            "transfer.csv",
+        ];
         refused(path, &arguments, words);
     }
 }
@@ -117,7 +139,15 @@ fn arguments_that_are_wrong() {
     }
     refused(folder.path(), &["render", "--phantom", "nonsense", "-o", "out.png"], "nonsense");
     refused(folder.path(), &["render", "--phantom", "sphere", "--phantom-size", "0", "-o", "out.png"], "0");
-    refused(folder.path(), &["render", "--phantom", "sphere", "--phantom-size", "99999", "-o", "out.png"], "99999");
-    refused(folder.path(), &["render", "--phantom", "sphere", "-o", "no/such/folder/out.png"], "no/such/folder");
+    refused(
+        folder.path(),
+        &["render", "--phantom", "sphere", "--phantom-size", "99999", "-o", "out.png"],
+        "99999",
+    );
+    refused(
+        folder.path(),
+        &["render", "--phantom", "sphere", "-o", "no/such/folder/out.png"],
+        "no/such/folder",
+    );
     assert!(!folder.path().join("out.png").exists());
 }

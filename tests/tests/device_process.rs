@@ -43,7 +43,8 @@ fn a_strict_process_gives_the_embedded_pictures_without_a_mistake() {
     device.wait_for_end().unwrap();
     let trace = device.trace().unwrap();
     assert!(!trace.contains("mistake:"), "{trace}");
-    let ends: Vec<&str> = trace.lines().filter(|line| line.starts_with("connection") && line.contains("ends:")).collect();
+    let ends: Vec<&str> =
+        trace.lines().filter(|line| line.starts_with("connection") && line.contains("ends:")).collect();
     assert_eq!(ends.len(), 2 * SCENES.len());
     for end in ends {
         // Tables, voxels and pixels went through mapped memory: not a single message touched them.

@@ -89,7 +89,7 @@ fn awkward_phantom(folder: &Path) -> std::path::PathBuf {
     let geometry = file::Geometry { origin: DVec3::new(100.0, -20.0, 7.0), directions };
     let volume = ScalarVolume::new(size, samples.into(), geometry).unwrap();
     let path = folder.join("awkward.nrrd");
-    file::nrrd::write(&path, &volume, file::nrrd::Encoding::Gzip).unwrap();
+    file::nrrd::write(&path, &volume, file::nrrd::Compression::Gzip).unwrap();
     assert!(DMat4::from_mat3(directions).determinant() > 0.0);
     path
 }
@@ -122,7 +122,8 @@ fn projections_of_real_scans_agree() {
 
 #[test]
 fn a_volume_beyond_256_voxels_is_refused_by_its_size() {
-    let Some(path) = data::volume("a_volume_beyond_256_voxels_is_refused_by_its_size", "ct_thorax.nrrd") else {
+    let Some(path) = data::volume("a_volume_beyond_256_voxels_is_refused_by_its_size", "ct_thorax.nrrd")
+    else {
         return;
     };
     let result = volumepro(VOLUMEPRO, &["render", path.to_str().unwrap(), "-o", "never.png"]).unwrap();

@@ -4,6 +4,7 @@ use crate::context::Context;
 use crate::geometry::{self, Accumulation, GeometryError, Pass, ShearWarp};
 use crate::passes::Collector;
 use crate::volume::{Volume, VoxelIdentity, Voxels};
+use std::any::Any;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 use vg500_regs::table::{base_plane_size, start_x, start_y};
@@ -30,6 +31,8 @@ pub struct Board {
     card: Card,
     /// Volumes in board memory, the most recently used last.
     resident: Vec<(VoxelIdentity, BoardVolume)>,
+    /// What serves the card, if it lives in this process; dropped last.
+    server: Option<Box<dyn Any + Send>>,
 }
 
 /// A frame in flight: what [`Board::start`] began and [`Board::fetch`] ends.
@@ -84,7 +87,14 @@ impl Board {
     /// A board with an open card.
     #[must_use]
     pub const fn new(card: Card) -> Self {
-        Self { card, resident: Vec::new() }
+        Self { card, resident: Vec::new(), server: None }
+    }
+
+    /// The board, with what serves its card; that is dropped after the card.
+    #[must_use]
+    pub fn served_by(mut self, server: Box<dyn Any + Send>) -> Self {
+        self.server = Some(server);
+        self
     }
 
     /// The card.

@@ -1,31 +1,21 @@
-//! The card inside this process: the device serves one connection over a private socket.
+//! The card inside this process, behind the same protocol as any other: its device serves one private socket.
 
-use std::sync::Arc;
+use crate::Board;
 use std::time::Duration;
-use vg500_regs::pci::VECTORS;
-use volumepro_device::card::{Card as Device, Host};
-use volumepro_device::config::Config;
-use volumepro_device::dma::DmaTable;
-use volumepro_device::interrupt::Interrupts;
 use volumepro_device::listener::Listener;
-use volumepro_device::pci::CommandRegister;
-use volumepro_device::protocol::Server;
-use volumepro_device::stop::Stop;
-use volumepro_device::trace::Trace;
-use volumepro_driver::{Card, Error, PrivateSocket};
+use volumepro_device::{Config, serve};
+use volumepro_driver::{Card, PrivateSocket};
 
-/// Starts a card and opens it. It ends with the connection. No call of the driver waits longer than `timeout`.
-pub(crate) fn open(timeout: Duration) -> Result<Card, Box<dyn std::error::Error>> {
-    let config = Config::default();
-    let command = Arc::new(CommandRegister::default());
-    let dma = Arc::new(DmaTable::new(Arc::clone(&command)));
-    let interrupts = Arc::new(Interrupts::new(config.interrupts, VECTORS, Arc::clone(&command)));
-    let host = Host { dma: Arc::clone(&dma), interrupts: Arc::clone(&interrupts), command };
-    let device = Device::new(&config, Trace::off(), &host)?;
-    let stop = Stop::new()?;
-    let socket = PrivateSocket::new()?;
-    let listener = Listener::bind(socket.path())?;
-    let mut server = Server::new(device, dma, interrupts, stop);
-    std::thread::Builder::new().name("card".into()).spawn(move || server.listen(&listener))?;
-    Ok(Card::open(Box::new(socket.connect(timeout)?))?)
+impl Board {
+    /// A board with a card of its own inside this process. No call of the driver waits longer than `timeout` for
+    /// the card's answer.
+    ///
+    /// # Errors
+    /// The system has no room for it.
+    pub fn embedded(config: &Config, timeout: Duration) -> Result<Self, Box<dyn std::error::Error>> {
+        let socket = PrivateSocket::new()?;
+        let handle = serve(Listener::bind(socket.path())?, config)?;
+        let card = Card::open(Box::new(socket.connect(timeout)?))?;
+        Ok(Self::new(card).served_by(Box::new(handle)))
+    }
 }

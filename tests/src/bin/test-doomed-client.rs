@@ -78,7 +78,8 @@ fn render(socket: &Path, messages: u64) -> Result<(), Box<dyn std::error::Error>
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);
-    let (Some(socket), Some(messages)) = (arguments.next(), arguments.next().and_then(|word| word.parse().ok()))
+    let (Some(socket), Some(messages)) =
+        (arguments.next(), arguments.next().and_then(|word| word.parse().ok()))
     else {
         eprintln!("usage: test-doomed-client SOCKET N");
         return ExitCode::from(2);

@@ -13,27 +13,27 @@ const ANSWER: Duration = Duration::from_secs(20);
 /// Opens the card that the arguments name and checks that it is what they ask for.
 pub fn open(arguments: &CardArguments) -> Result<Board, Error> {
     let device = arguments.device.as_str();
-    let card = if device == "embedded" {
-        embedded(arguments)?
+    let board = if device == "embedded" {
+        embedded()?
     } else if let Some(path) = device.strip_prefix("socket:") {
         let transport = VfioUser::connect(Path::new(path), ANSWER).map_err(Error::failure)?;
-        Card::open(Box::new(transport)).map_err(Error::failure)?
+        Board::new(Card::open(Box::new(transport)).map_err(Error::failure)?)
     } else if device.starts_with("pci:") {
-        return Err(Error::input("--device pci: this program does not serve PCI cards yet"));
+        return Err(Error::input(format!("--device {device}: this program does not serve PCI cards yet")));
     } else {
         return Err(Error::input(format!("--device {device}: none of embedded, socket:PATH, pci:ADDRESS")));
     };
-    check(arguments, card.info())?;
-    Ok(Board::new(card))
+    check(arguments, board.card().info())?;
+    Ok(board)
 }
 
 #[cfg(feature = "embedded")]
-fn embedded(_: &CardArguments) -> Result<Card, Error> {
-    crate::embedded::open(ANSWER).map_err(Error::failure)
+fn embedded() -> Result<Board, Error> {
+    Board::embedded(&volumepro_device::Config::default(), ANSWER).map_err(Error::failure)
 }
 
 #[cfg(not(feature = "embedded"))]
-fn embedded(_: &CardArguments) -> Result<Card, Error> {
+fn embedded() -> Result<Board, Error> {
     Err(Error::input("--device embedded: this program was built without the embedded card"))
 }
 

@@ -14,8 +14,9 @@ pub fn explain(report: &FrameReport) -> Vec<String> {
         100.0 * report.samples_processed as f64 / report.samples.max(1) as f64,
     )];
     for field in report_omitted::REGISTER.fields {
-        let verb = if field.get(report.omitted) != 0 { "left out" } else { "computed" };
-        lines.push(format!("{verb:8}  {}", field.meaning.trim_end_matches('.')));
+        if field.get(report.omitted) != 0 {
+            lines.push(format!("left out: {}", field.meaning.trim_end_matches('.')));
+        }
     }
     lines.push(format!("the real chip would have taken {} clocks", report.cycles));
     lines

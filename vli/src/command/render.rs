@@ -18,6 +18,7 @@ pub fn run(arguments: &Render) -> Result<(), Error> {
     if arguments.explain.as_deref().is_some_and(|what| !what.is_empty()) {
         return Err(Error::input("--explain=time: measuring what each omission saves is not served yet"));
     }
+    check_output(&arguments.output)?;
     let loaded = Loaded::from_arguments(arguments)?;
     let (camera, size) = view::camera(&arguments.view, arguments.size, loaded.volume.place())?;
     let transfer = look::transfer(&arguments.look, &loaded)?;
@@ -34,6 +35,18 @@ pub fn run(arguments: &Render) -> Result<(), Error> {
         render(arguments, &loaded, &context)?
     };
     save(&base_plane, &camera, size, arguments)
+}
+
+/// A picture that cannot be written is refused before anything is computed.
+fn check_output(path: &Path) -> Result<(), Error> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !folder.is_dir() {
+        return Err(Error::input(format!("{}: {} is no folder", path.display(), folder.display())));
+    }
+    if path.is_dir() {
+        return Err(Error::input(format!("{} is a folder", path.display())));
+    }
+    Ok(())
 }
 
 /// Renders all frames on the card, prints what is asked for, and returns the last base plane.
