@@ -1,28 +1,42 @@
 //! The ideal renderer: what the card would show with unlimited precision. It serves to measure errors only.
 //!
-//! Geometry, interpolation, classification and compositing are those of the paper in `f64`, without any
-//! quantisation: sample positions are exact, values are not rounded, the transfer function is a function, not a
-//! table. Colours and opacities are 0..=1; values are in whatever units voxels and transfer function share.
+//! Geometry, interpolation, gradients, classification, illumination and compositing are those of the paper in
+//! `f64`, without any quantisation: sample positions are exact, values are not rounded, the transfer function is a
+//! function, not a table, and light is computed, not looked up. Colours and opacities are 0..=1; values are on the
+//! card's scale, 0..=4095.
 //!
-//! [`Scene`] is what to render, [`ray`] what comes out, [`transfer`] a transfer function made of points, and
-//! [`frame`] makes the scene of a frame, so that the card's picture can be compared with its ideal.
+//! [`Scene`] is what to render: [`visibility`] and [`cursor`] say where, [`shading`] in which light. [`ray`] is
+//! what comes out, [`transfer`] a function made of points, and [`frame`] makes the scene of a frame, so that the
+//! card's picture can be compared with its ideal.
 
+pub mod cursor;
 pub mod frame;
 pub mod ray;
+pub mod shading;
 pub mod transfer;
+pub mod visibility;
 
+pub use cursor::Cursor;
 pub use ray::Ray;
+pub use shading::Shading;
 pub use transfer::PiecewiseLinear;
+pub use visibility::Visibility;
 
+use std::sync::{Mutex, PoisonError};
+use std::thread;
 use vg500_regs::{BlendMode, Permutation};
 
-/// Gives the value of the voxel at an object coordinate.
-pub trait Voxels: Fn([usize; 3]) -> f64 {}
-impl<F: Fn([usize; 3]) -> f64> Voxels for F {}
+/// What a gradient component counts for a difference of 1 between the samples on both sides: full range, 4095,
+/// counts 127.
+const PER_DIFFERENCE: f64 = 127.0 / 4095.0;
+
+/// Gives the value, 0..=4095, of the voxel at an object coordinate.
+pub trait Voxels: Fn([usize; 3]) -> f64 + Sync {}
+impl<F: Fn([usize; 3]) -> f64 + Sync> Voxels for F {}
 
 /// Gives the colour and opacity of a value: R, G, B (not multiplied by A) and A.
-pub trait Transfer: Fn(f64) -> [f64; 4] {}
-impl<F: Fn(f64) -> [f64; 4]> Transfer for F {}
+pub trait Transfer: Fn(f64) -> [f64; 4] + Sync {}
+impl<F: Fn(f64) -> [f64; 4] + Sync> Transfer for F {}
 
 /// What to render.
 #[derive(Clone, Debug)]
@@ -39,6 +53,10 @@ pub struct Scene<V, T> {
     pub rays: Rays,
     /// Which samples can be seen.
     pub visibility: Visibility,
+    /// The cursor, unless it is off.
+    pub cursor: Option<Cursor>,
+    /// How samples are illuminated.
+    pub shading: Shading,
     /// How samples are blended.
     pub blend: BlendMode,
 }
@@ -56,35 +74,8 @@ pub struct Rays {
     pub size: [u32; 2],
 }
 
-/// Which of the existing samples can be seen, by their position in object voxel space.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Visibility {
-    /// Lowest and highest position in the active sub-volume for each axis, inclusive.
-    pub subvolume: [[f64; 2]; 3],
-    /// Lowest position, inclusive, and highest, exclusive, in the block for each axis.
-    pub block: [[f64; 2]; 3],
-}
-
-impl Visibility {
-    /// Every sample can be seen.
-    pub const EVERYTHING: Self = Self {
-        subvolume: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
-        block: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
-    };
-
-    /// Whether a sample at `position` can be seen.
-    #[must_use]
-    pub fn contains(&self, position: [f64; 3]) -> bool {
-        (0..3).all(|axis| {
-            let [lowest, highest] = self.subvolume[axis];
-            let [low, high] = self.block[axis];
-            (lowest..=highest).contains(&position[axis]) && (low..high).contains(&position[axis])
-        })
-    }
-}
-
 impl<V: Voxels, T: Transfer> Scene<V, T> {
-    /// All rays, row by row.
+    /// All rays, row by row. Rows are shared among the processor's threads.
     #[must_use]
     pub fn render(&self) -> Vec<Ray> {
         let [width, height] = self.rays.size.map(|size| size as usize);
@@ -95,11 +86,24 @@ impl<V: Voxels, T: Transfer> Scene<V, T> {
 
     /// As [`Self::render`], onto rays that have accumulated blocks of the volume in front of this one.
     pub fn render_onto(&self, rays: &mut [Ray]) {
-        let [x, y] = self.rays.start;
-        for (row, rays) in rays.chunks_mut(self.rays.size[0].max(1) as usize).enumerate() {
-            for (column, ray) in rays.iter_mut().enumerate() {
-                self.trace([x + column as f64, y + row as f64], ray);
+        let rows = Mutex::new(rays.chunks_mut(self.rays.size[0].max(1) as usize).enumerate());
+        let next_row = || rows.lock().unwrap_or_else(PoisonError::into_inner).next();
+        let threads = thread::available_parallelism().map_or(1, usize::from);
+        thread::scope(|scope| {
+            for _ in 0..threads {
+                scope.spawn(|| {
+                    while let Some((row, rays)) = next_row() {
+                        self.trace_row(row, rays);
+                    }
+                });
             }
+        });
+    }
+
+    fn trace_row(&self, row: usize, rays: &mut [Ray]) {
+        let [x, y] = self.rays.start;
+        for (column, ray) in rays.iter_mut().enumerate() {
+            self.trace([x + column as f64, y + row as f64], ray);
         }
     }
 
@@ -111,21 +115,73 @@ impl<V: Voxels, T: Transfer> Scene<V, T> {
 
     /// Sends one ray through the volume, front to back, from a position in the first slice.
     pub fn trace(&self, start: [f64; 2], ray: &mut Ray) {
-        for value in self.samples(start) {
-            ray.blend(self.blend, value, (self.transfer)(value));
+        for position in self.positions(start) {
+            let factor = self.visibility.factor(position);
+            // In alpha blending the cursor's samples are blended with those of the volume, in front of them; else
+            // they cover the finished ray.
+            if self.blend == BlendMode::Alpha
+                && let Some(cursor) = self.cursor_sample(position, factor)
+            {
+                ray.behind(|| cursor);
+            }
+            if factor > 0.0 {
+                let value = self.sample(position);
+                ray.blend(self.blend, value, || self.shade(position, value, factor));
+            }
         }
+        if self.cursor.is_some() && self.blend != BlendMode::Alpha {
+            self.cover_with_cursor(start, ray);
+        }
+    }
+
+    fn cover_with_cursor(&self, start: [f64; 2], ray: &mut Ray) {
+        for position in self.positions(start).rev() {
+            if let Some(cursor) = self.cursor_sample(position, self.visibility.factor(position)) {
+                ray.cover(self.blend, cursor);
+            }
+        }
+    }
+
+    fn cursor_sample(&self, position: [f64; 3], factor: f64) -> Option<[f64; 4]> {
+        self.cursor.as_ref().and_then(|cursor| cursor.sample(position, factor))
+    }
+
+    /// R, G, B (not premultiplied) and A of the sample at an object position, given its value and what of its
+    /// opacity can be seen. In MIP and MinIP it keeps the opacity of the transfer function.
+    fn shade(&self, position: [f64; 3], value: f64, factor: f64) -> [f64; 4] {
+        let classified = (self.transfer)(value);
+        let alpha = classified[3];
+        let extreme = matches!(self.blend, BlendMode::Maximum | BlendMode::Minimum);
+        if alpha == 0.0 && !extreme {
+            return [0.0; 4];
+        }
+        let gradient = if self.shading.needs_gradient() { self.gradient(position) } else { [0.0; 3] };
+        let [r, g, b, modulated] = self.shading.shade(classified, gradient);
+        let alpha = match self.blend {
+            BlendMode::Alpha => modulated * factor,
+            BlendMode::Sum => modulated,
+            BlendMode::Maximum | BlendMode::Minimum => alpha,
+        };
+        [r, g, b, alpha]
     }
 
     /// Values of the visible samples along a ray, front to back, from a position in the first slice.
     pub fn samples(&self, start: [f64; 2]) -> impl Iterator<Item = f64> {
+        let visible = self.positions(start).filter(|position| self.visibility.factor(*position) > 0.0);
+        visible.map(|position| self.sample(position))
+    }
+
+    /// Object positions of the samples along a ray that exist and belong to the block, front to back, from a
+    /// position in the first slice.
+    pub fn positions(&self, start: [f64; 2]) -> impl DoubleEndedIterator<Item = [f64; 3]> {
         let depth = self.permutation.permuted(self.size)[2];
-        let slices = 0..=depth.saturating_sub(1) * self.rays.supersampling as usize;
+        let slices = 0..=depth.saturating_sub(1) as u32 * self.rays.supersampling;
         let positions = slices.filter_map(move |slice| {
-            let slice = slice as f64;
+            let slice = f64::from(slice);
             let [x, y] = [0, 1].map(|axis| start[axis] + slice * self.rays.step[axis]);
             self.object_position([x, y, slice / f64::from(self.rays.supersampling)])
         });
-        positions.filter(|position| self.visibility.contains(*position)).map(|position| self.sample(position))
+        positions.filter(|position| self.visibility.block_contains(*position))
     }
 
     /// The object position of a permuted one, if a sample exists there: not outside of the outermost voxels.
@@ -140,15 +196,29 @@ impl<V: Voxels, T: Transfer> Scene<V, T> {
     #[must_use]
     pub fn sample(&self, position: [f64; 3]) -> f64 {
         let inside = [0, 1, 2].map(|axis| position[axis].clamp(0.0, self.size[axis] as f64 - 1.0));
-        let cell = inside.map(|place| place as usize);
-        let [x, y, z] = [0, 1, 2].map(|axis| inside[axis] - cell[axis] as f64);
-        let corner = |dx, dy, dz| {
-            let offset: [usize; 3] = [dx, dy, dz];
-            (self.voxels)([0, 1, 2].map(|axis: usize| (cell[axis] + offset[axis]).min(self.size[axis] - 1)))
-        };
+        let ends = [0, 1, 2].map(|axis| {
+            let below = inside[axis] as usize;
+            [below, (below + 1).min(self.size[axis] - 1)]
+        });
+        let [x, y, z] = [0, 1, 2].map(|axis| inside[axis] - ends[axis][0] as f64);
+        let corner = |dx: usize, dy: usize, dz: usize| (self.voxels)([ends[0][dx], ends[1][dy], ends[2][dz]]);
         let along_x = |dy, dz| mix(corner(0, dy, dz), corner(1, dy, dz), x);
         let along_y = |dz| mix(along_x(0, dz), along_x(1, dz), y);
         mix(along_y(0), along_y(1), z)
+    }
+
+    /// The gradient at an object position along object axes: the difference of the values one voxel further and
+    /// one voxel before, in the card's unit, where a difference of 4095 is 127.
+    #[must_use]
+    pub fn gradient(&self, position: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|axis| {
+            let beside = |step: f64| {
+                let mut place = position;
+                place[axis] += step;
+                self.sample(place)
+            };
+            (beside(1.0) - beside(-1.0)) * PER_DIFFERENCE
+        })
     }
 }
 
@@ -158,72 +228,4 @@ fn mix(a: f64, b: f64, weight: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Value 100 x + 10 y + z, shown as colour and opacity.
-    fn ramp(size: [usize; 3]) -> Scene<impl Voxels, impl Transfer> {
-        Scene {
-            size,
-            voxels: |[x, y, z]: [usize; 3]| (100 * x + 10 * y + z) as f64,
-            transfer: |value: f64| [value, -value, 2.0 * value, 1.0],
-            permutation: Permutation::IDENTITY,
-            rays: Rays { start: [0.0; 2], step: [0.0; 2], supersampling: 1, size: [1, 1] },
-            visibility: Visibility::EVERYTHING,
-            blend: BlendMode::Sum,
-        }
-    }
-
-    #[test]
-    fn a_linear_volume_is_sampled_exactly() {
-        let scene = ramp([4, 5, 6]);
-        for position in [[0.0; 3], [3.0, 4.0, 5.0], [0.5, 3.25, 4.75], [2.999, 0.001, 1.0 / 3.0]] {
-            let [x, y, z] = position;
-            assert!((scene.sample(position) - (100.0 * x + 10.0 * y + z)).abs() < 1e-9);
-        }
-        assert_eq!(scene.sample([-7.0, 99.0, 2.0]), 42.0);
-    }
-
-    #[test]
-    fn samples_exist_from_the_first_voxel_to_the_last() {
-        let mut scene = ramp([4, 5, 6]);
-        scene.rays = Rays { start: [-1.0, 0.0], step: [0.5, 0.25], supersampling: 2, size: [6, 1] };
-        let samples: Vec<u32> = scene.render().iter().map(|ray| ray.samples).collect();
-        // Eleven slices; x = -1 + i + j / 2 lies in 0..=3, y = j / 4 in 0..=4.
-        assert_eq!(samples, [7, 7, 5, 3, 1, 0]);
-    }
-
-    #[test]
-    fn supersampled_slices_lie_at_exact_fractions() {
-        let mut scene = ramp([1, 1, 4]);
-        scene.rays.supersampling = 3;
-        let [ray] = scene.render()[..] else { panic!("one ray") };
-        // 0 + 1/3 + 2/3 + ... + 3
-        assert_eq!(ray.samples, 10);
-        assert!((ray.color[0] - 15.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn permuted_axes_run_where_the_permutation_says() {
-        let mut scene = ramp([3, 4, 5]);
-        scene.permutation = Permutation::from_word(0x016).unwrap(); // x = -z, y = y, z = x
-        scene.rays.start = [1.0, 2.0];
-        scene.blend = BlendMode::Minimum;
-        // The first slice is object x = 0; permuted x = 1 is z = 3.
-        assert_eq!(scene.pixels(), [[23.0, -23.0, 46.0, 1.0]]);
-    }
-
-    #[test]
-    fn sub_volumes_are_inclusive_and_blocks_half_open() {
-        let mut scene = ramp([1, 1, 10]);
-        scene.visibility.subvolume[2] = [2.0, 5.0];
-        assert_eq!(scene.render()[0].samples, 4);
-        scene.visibility = Visibility::EVERYTHING;
-        scene.visibility.block[2] = [2.0, 5.0];
-        assert_eq!(scene.render()[0].samples, 3);
-        scene.visibility.block[2] = [5.0, 10.0];
-        let mut rays = vec![Ray { samples: 3, ..Ray::default() }];
-        scene.render_onto(&mut rays);
-        assert_eq!(rays[0].samples, 8);
-    }
-}
+mod tests;

@@ -16,15 +16,17 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// Blends the next visible sample: its value, and its R, G, B (not premultiplied) and A.
-    pub fn blend(&mut self, mode: BlendMode, value: f64, [r, g, b, a]: [f64; 4]) {
+    /// Blends the next visible sample: its value, and its R, G, B (not premultiplied) and A, which are asked for
+    /// only if they matter.
+    pub fn blend(&mut self, mode: BlendMode, value: f64, color: impl FnOnce() -> [f64; 4]) {
         self.samples += 1;
         match mode {
-            BlendMode::Alpha => self.add([r, g, b], (1.0 - self.alpha) * a),
-            BlendMode::Sum => self.add([r, g, b], a),
+            BlendMode::Alpha => self.behind(color),
+            BlendMode::Sum => self.add(color(), 1.0),
             BlendMode::Maximum if self.extreme.is_some_and(|extreme| value <= extreme) => {}
             BlendMode::Minimum if self.extreme.is_some_and(|extreme| value >= extreme) => {}
             BlendMode::Maximum | BlendMode::Minimum => {
+                let [r, g, b, a] = color();
                 self.color = [r, g, b];
                 self.alpha = a;
                 self.extreme = Some(value);
@@ -32,11 +34,31 @@ impl Ray {
         }
     }
 
-    fn add(&mut self, color: [f64; 3], weight: f64) {
-        for (accumulated, color) in self.color.iter_mut().zip(color) {
-            *accumulated += weight * color;
+    /// Blends R, G, B (not premultiplied) and A behind what has accumulated.
+    pub(super) fn behind(&mut self, color: impl FnOnce() -> [f64; 4]) {
+        let transparency = 1.0 - self.alpha;
+        if transparency > 0.0 {
+            self.add(color(), transparency);
         }
-        self.alpha += weight;
+    }
+
+    fn add(&mut self, [r, g, b, a]: [f64; 4], weight: f64) {
+        for (accumulated, color) in self.color.iter_mut().zip([r, g, b]) {
+            *accumulated += weight * a * color;
+        }
+        self.alpha += weight * a;
+    }
+
+    /// Blends a sample of the cursor over a finished ray. A sum becomes that of as many samples as before, at
+    /// least one.
+    pub fn cover(&mut self, mode: BlendMode, [r, g, b, a]: [f64; 4]) {
+        if mode == BlendMode::Sum {
+            self.samples = self.samples.max(1);
+        }
+        let weight = if mode == BlendMode::Sum { f64::from(self.samples) } else { 1.0 };
+        self.color = self.color.map(|behind| behind * (1.0 - a));
+        self.alpha *= 1.0 - a;
+        self.add([r, g, b, a], weight);
     }
 
     /// The pixel of the ray: R, G, B, A. Sums are divided by the number of samples; without samples it is zero.
@@ -54,7 +76,7 @@ mod tests {
 
     fn blended(mode: BlendMode, samples: &[(f64, [f64; 4])]) -> Ray {
         let mut ray = Ray::default();
-        samples.iter().for_each(|&(value, color)| ray.blend(mode, value, color));
+        samples.iter().for_each(|&(value, color)| ray.blend(mode, value, || color));
         ray
     }
 
@@ -93,5 +115,31 @@ mod tests {
     fn sums_are_means_of_what_samples_shine() {
         let ray = blended(BlendMode::Sum, &[(0.0, [1.0, 0.0, 0.5, 0.5]), (0.0, [1.0, 1.0, 1.0, 0.25])]);
         assert_eq!(ray.pixel(BlendMode::Sum), [0.375, 0.125, 0.25, 0.375]);
+    }
+
+    #[test]
+    fn colors_that_cannot_matter_are_not_asked_for() {
+        let never = || panic!("nobody sees it");
+        let mut opaque = blended(BlendMode::Alpha, &[(0.0, [0.5, 0.5, 0.5, 1.0])]);
+        opaque.blend(BlendMode::Alpha, 0.0, never);
+        let mut most = blended(BlendMode::Maximum, &[(5.0, [0.5; 4])]);
+        most.blend(BlendMode::Maximum, 5.0, never);
+        let mut least = blended(BlendMode::Minimum, &[(5.0, [0.5; 4])]);
+        least.blend(BlendMode::Minimum, 5.0, never);
+        assert_eq!([opaque.samples, most.samples, least.samples], [2; 3]);
+    }
+
+    #[test]
+    fn the_cursor_covers_what_is_there() {
+        let cursor = [1.0, 0.5, 0.0, 0.25];
+        let mut most = blended(BlendMode::Maximum, &[(5.0, [0.4, 0.0, 0.8, 1.0])]);
+        most.cover(BlendMode::Maximum, cursor);
+        assert_eq!(most.pixel(BlendMode::Maximum), [0.3 + 0.25, 0.125, 0.8 * 0.75, 1.0]);
+        let mut sum = blended(BlendMode::Sum, &[(0.0, [1.0, 0.0, 0.0, 0.5]), (0.0, [0.0, 0.0, 0.0, 0.5])]);
+        sum.cover(BlendMode::Sum, cursor);
+        assert_eq!(sum.pixel(BlendMode::Sum), [0.25 * 0.75 + 0.25, 0.125, 0.0, 0.5 * 0.75 + 0.25]);
+        let mut empty = Ray::default();
+        empty.cover(BlendMode::Sum, cursor);
+        assert_eq!(empty.pixel(BlendMode::Sum), [0.25, 0.125, 0.0, 0.25]);
     }
 }

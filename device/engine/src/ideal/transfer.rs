@@ -1,24 +1,25 @@
-//! Transfer functions made of points.
+//! Functions made of points.
 
 /// A piecewise-linear function of a value: between two points it is linear, beyond the ends it stays constant,
-/// and two points of the same value make a step, at which the later one holds.
+/// and two points of the same value make a step, at which the later one holds. As a transfer function it has four
+/// channels, R, G, B (not premultiplied) and A.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PiecewiseLinear {
-    points: Vec<(f64, [f64; 4])>,
+pub struct PiecewiseLinear<const CHANNELS: usize> {
+    points: Vec<(f64, [f64; CHANNELS])>,
 }
 
-impl PiecewiseLinear {
-    /// The function through `points`: values with their R, G, B (not premultiplied) and A. `None` if there are
-    /// none, or if values decrease or are not numbers.
+impl<const CHANNELS: usize> PiecewiseLinear<CHANNELS> {
+    /// The function through `points`: values with their channels. `None` if there are none, or if values decrease
+    /// or are not numbers.
     #[must_use]
-    pub fn new(points: Vec<(f64, [f64; 4])>) -> Option<Self> {
+    pub fn new(points: Vec<(f64, [f64; CHANNELS])>) -> Option<Self> {
         let ordered = points.iter().all(|point| !point.0.is_nan()) && points.is_sorted_by(|a, b| a.0 <= b.0);
         (ordered && !points.is_empty()).then_some(Self { points })
     }
 
-    /// R, G, B and A of a value.
+    /// The channels at a value.
     #[must_use]
-    pub fn at(&self, value: f64) -> [f64; 4] {
+    pub fn at(&self, value: f64) -> [f64; CHANNELS] {
         let above = self.points.partition_point(|point| point.0 <= value);
         let after = self.points[above.min(self.points.len() - 1)];
         let before = self.points[above.saturating_sub(1)];
@@ -27,7 +28,7 @@ impl PiecewiseLinear {
             return before.1;
         }
         let weight = (value - before.0) / distance;
-        [0, 1, 2, 3].map(|channel| before.1[channel] + (after.1[channel] - before.1[channel]) * weight)
+        core::array::from_fn(|channel| before.1[channel] + (after.1[channel] - before.1[channel]) * weight)
     }
 }
 
@@ -37,7 +38,7 @@ mod tests {
 
     #[test]
     fn points_must_be_some_and_in_order() {
-        assert_eq!(PiecewiseLinear::new(vec![]), None);
+        assert_eq!(PiecewiseLinear::<4>::new(vec![]), None);
         assert_eq!(PiecewiseLinear::new(vec![(1.0, [0.0; 4]), (0.5, [0.0; 4])]), None);
         assert_eq!(PiecewiseLinear::new(vec![(0.0, [0.0; 4]), (f64::NAN, [0.0; 4])]), None);
         assert_eq!(PiecewiseLinear::new(vec![(f64::NAN, [0.0; 4])]), None);
