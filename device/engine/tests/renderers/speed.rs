@@ -1,4 +1,4 @@
-//! How fast the reference is. Not a test: `cargo test --release -p vg500-engine --test renderers speed --
+//! How fast the renderers are. Not a test: `cargo test --release -p vg500-engine --test renderers speed --
 //! --ignored --nocapture --test-threads 1` prints it.
 
 use crate::card::Card;
@@ -6,8 +6,9 @@ use crate::grid::Grid;
 use crate::scene::{Scene, UNLIT, VOXEL};
 use std::time::Instant;
 use vg500_engine::frame::Illumination;
+use vg500_engine::ideal;
 use vg500_regs::memory::Table;
-use vg500_regs::{BlendMode, Permutation};
+use vg500_regs::{BlendMode, Permutation, SharedView};
 
 const SIDE: usize = 256;
 
@@ -18,6 +19,10 @@ fn report(name: &str, card: &mut Card, scene: &Scene) {
         (card.render(scene).unwrap().samples, begin.elapsed().as_secs_f64())
     };
     let (samples, seconds) = (0..5).map(run).min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    print(name, samples, seconds);
+}
+
+fn print(name: &str, samples: u64, seconds: f64) {
     println!("{name:>24}: {seconds:7.3} s, {:7.1} M samples/s", samples as f64 / 1e6 / seconds);
 }
 
@@ -35,6 +40,11 @@ fn frames_of_256_cubed() {
         let permutation = Permutation::from_word(word).unwrap();
         report(name, &mut card, &Scene { permutation, ..sheared.clone() });
     }
+    let task = card.task(&sheared).unwrap();
+    let begin = Instant::now();
+    let rays = ideal::frame::scene(&task, SharedView::of(&mut card.voxels)).unwrap().render();
+    let samples = rays.iter().map(|ray| u64::from(ray.samples)).sum();
+    print("ideal, sheared", samples, begin.elapsed().as_secs_f64());
     report("MIP", &mut card, &Scene { blend: BlendMode::Maximum, ..sheared.clone() });
     let lit = Illumination { emissive: 60, diffuse: 200, specular: 90, eye: [0, 0, 32767], ..UNLIT };
     report("illuminated", &mut card, &Scene { illumination: lit, ..sheared.clone() });
