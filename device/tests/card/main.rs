@@ -1,0 +1,8 @@
+//! The card over its socket, driven by the client of the `vfio_user` crate, and the process around it.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod frames;
+mod life;
+mod peer;
+mod process;
