@@ -114,7 +114,7 @@ impl PlaneFormat {
 }
 
 /// Pixel formats of transfers. The codes are those of the VLI; 16- and 32-bit formats of the paper (section 6)
-/// and the 64-bit ones of 12 bits per channel.
+/// and the 64-bit ones of 12 bits per channel, each of which stands in the low bits of a 16-bit word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 #[allow(missing_docs, reason = "the names are the order of channels from the lowest address or bit on")]

@@ -448,7 +448,8 @@ registers! {
     }
     start "START" WriteOnly 0x3fc = 0x0000_0000,
     "Writing it queues a frame of what the frame registers hold. Registers and tables may be written again at \
-     once; voxel memory is read while the frame runs." {
+     once (strict mode names tables written while a frame that uses them runs); voxel memory is read while the \
+     frame runs." {
         PLANE 0 +4 INTEGER "Base plane to render into, counted in the size of its format."
         VOXELS_UNCHANGED 8 +1 CODE "Promise that voxel memory has not changed since the last frame of this volume."
         TAG 16 +16 INTEGER "Shows up in PLANE_STATE at the end."

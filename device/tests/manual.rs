@@ -1,0 +1,105 @@
+//! The programming manual's generated parts are those of the source.
+//!
+//! `UPDATE_MANUAL=1 cargo test -p volumepro-device --test manual` writes them anew.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::fmt::Write;
+
+use vg500_engine::fixed::FORMATS;
+use vg500_regs::fault::FaultCode;
+use vg500_regs::manual::register_chapter;
+use vg500_regs::memory::Table;
+
+const MANUAL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/PROGRAMMING.md");
+
+fn tables() -> String {
+    let mut text =
+        String::from("| Table | Copy 0 at | Copy 1 at | Bytes | Contents |\n|---|---|---|---|---|\n");
+    for table in Table::ALL {
+        let [first, second] = [0, 1].map(|copy| table.offset(copy));
+        let contents = match table {
+            Table::Color => "4096 words: red in bits 7..0, green 15..8, blue 23..16",
+            Table::Opacity => {
+                "2048 words of two 12-bit opacities: even entry in bits 11..0, odd entry in 27..16"
+            }
+            Table::Diffuse | Table::Specular => "384 words: intensity in bits 7..0",
+            Table::GradientMagnitude => "256 bytes, by gradient magnitude (0..220 are reached)",
+        };
+        let (name, bytes) = (table.name(), table.bytes());
+        writeln!(text, "| {name} | {first:#06x} | {second:#06x} | {bytes} | {contents} |").unwrap();
+    }
+    text
+}
+
+fn faults() -> String {
+    let mut text = String::from("| Code | Name | Meaning |\n|---|---|---|\n");
+    for code in FaultCode::ALL {
+        writeln!(text, "| {} | {code:?} | {} |", code as u32, code.text()).unwrap();
+    }
+    text
+}
+
+fn formats() -> String {
+    let mut text = String::from(
+        "| Used for | Format | Bits | Fraction | Signed | How values come into it |\n|---|---|---|---|---|---|\n",
+    );
+    for (use_, format) in FORMATS {
+        let signed = if format.signed { "yes" } else { "no" };
+        let (name, bits, fraction, note) = (format.name, format.bits, format.fraction, format.note);
+        writeln!(text, "| {use_} | {name} | {bits} | {fraction} | {signed} | {note} |").unwrap();
+    }
+    text
+}
+
+/// `manual` with `text` between the markers of `part`.
+fn with_part(manual: &str, part: &str, text: &str) -> String {
+    let [begin, end] = ["begin", "end"].map(|it| format!("<!-- {part}: {it} -->\n"));
+    let (before, rest) = manual.split_once(&begin).expect("a marker");
+    let (_, after) = rest.split_once(&end).expect("a marker");
+    format!("{before}{begin}\n{}\n\n{end}{after}", text.trim())
+}
+
+#[test]
+fn generated_parts_are_up_to_date() {
+    let manual = std::fs::read_to_string(MANUAL).unwrap();
+    let parts = [
+        ("tables", tables()),
+        ("faults", faults()),
+        ("formats", formats()),
+        ("registers", register_chapter()),
+    ];
+    let current = parts.iter().fold(manual.clone(), |text, (part, new)| with_part(&text, part, new));
+    if std::env::var_os("UPDATE_MANUAL").is_some() {
+        std::fs::write(MANUAL, &current).unwrap();
+    } else {
+        assert!(manual == current, "PROGRAMMING.md is stale: run this test with UPDATE_MANUAL=1");
+    }
+}
+
+#[test]
+fn stale_parts_are_found() {
+    let manual = "before\n<!-- faults: begin -->\n<!-- faults: end -->\nafter\n";
+    let current = with_part(manual, "faults", &faults());
+    assert!(current.starts_with("before\n") && current.ends_with("after\n") && current != manual);
+    assert_eq!(with_part(&current, "faults", &faults()), current);
+    let stale = with_part(&current, "faults", "| 1 | Other | other |");
+    assert_ne!(stale, current);
+    assert_eq!(with_part(&stale, "faults", &faults()), current);
+}
+
+#[test]
+fn registers_that_the_text_names_exist() {
+    let manual = std::fs::read_to_string(MANUAL).unwrap();
+    let chapter = register_chapter();
+    let code = manual.split('`').skip(1).step_by(2);
+    let names = code.filter(|name| {
+        name.len() > 4 && name.chars().all(|it| it.is_ascii_uppercase() || it == '_' || it == '.')
+    });
+    let outside = ["LISTEN_FDS", "NOTIFY_SOCKET", "TAG"];
+    for name in names.filter(|name| !outside.contains(name)) {
+        for word in name.split('.') {
+            assert!(chapter.contains(word), "{name}");
+        }
+    }
+}
