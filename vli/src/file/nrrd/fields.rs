@@ -9,7 +9,7 @@ use std::io::{BufRead, Read};
 const MAXIMUM_HEADER: u64 = 1 << 22;
 
 /// The fields of the format, each with its other spelling.
-const FIELDS: [(&str, &str); 29] = [
+const FIELDS: [(&str, &str); 30] = [
     ("axis maxs", "axismaxs"),
     ("axis mins", "axismins"),
     ("block size", "blocksize"),
@@ -35,6 +35,7 @@ const FIELDS: [(&str, &str); 29] = [
     ("space dimension", "spacedimension"),
     ("space directions", "spacedirections"),
     ("space origin", "spaceorigin"),
+    ("space units", "spaceunits"),
     ("spacings", "spacings"),
     ("thicknesses", "thicknesses"),
     ("type", "type"),
