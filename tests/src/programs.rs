@@ -4,6 +4,7 @@ use std::fs;
 use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 /// How long a program may take to do what a test waits for.
@@ -38,15 +39,21 @@ impl Device {
             .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
+            .stderr(Stdio::null())
             .spawn()?;
-        let output = process.stderr.take().ok_or_else(|| io::Error::other("no standard error"))?;
-        let mut lines = BufReader::new(output).lines();
-        let listening = lines.by_ref().map_while(Result::ok).any(|line| line.contains("listening on"));
-        // The rest is read so that the process never waits for us.
-        std::thread::spawn(move || lines.for_each(drop));
+        let output = process.stdout.take().ok_or_else(|| io::Error::other("no standard output"))?;
         let device = Self { process, folder };
-        if listening { Ok(device) } else { Err(io::Error::other("the device does not listen")) }
+        let (sender, receiver) = mpsc::channel();
+        // The thread reads to the end, so that the process never waits for us.
+        std::thread::spawn(move || {
+            BufReader::new(output).lines().map_while(Result::ok).for_each(|line| {
+                sender.send(line).ok();
+            });
+        });
+        match receiver.recv_timeout(PATIENCE) {
+            Ok(line) if line.contains("listening on") => Ok(device),
+            other => Err(io::Error::other(format!("the device does not listen: {other:?}"))),
+        }
     }
 
     /// The socket it listens on.
@@ -102,6 +109,22 @@ impl Device {
                 .count(),
             threads: fs::read_dir(process.join("task"))?.count(),
         })
+    }
+
+    /// What the process holds once that is `expected`, or what it still holds after a while: connections give back
+    /// what they held only after they are traced as ended.
+    ///
+    /// # Errors
+    /// It has ended.
+    pub fn settled_holdings(&self, expected: Holdings) -> io::Result<Holdings> {
+        let begun = Instant::now();
+        loop {
+            let holdings = self.holdings()?;
+            if holdings == expected || begun.elapsed() > Duration::from_secs(5) {
+                return Ok(holdings);
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
     }
 
     /// Whether the process still runs.

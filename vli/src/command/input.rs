@@ -25,22 +25,20 @@ impl Loaded {
     /// The volume that `render` is asked for.
     pub fn from_arguments(arguments: &Render) -> Result<Self, Error> {
         if let Some(path) = &arguments.volume {
-            let loaded = Self::new(read(path, &arguments.input)?, &arguments.input, None)?;
-            eprintln!("{}", loaded.mapping);
-            return Ok(loaded);
+            return Self::new(&mut read(path, &arguments.input)?, &arguments.input, None);
         }
         let phantom = arguments.phantom.unwrap_or(Phantom::ALL[0]);
-        let volume = phantom.volume([arguments.phantom_size; 3]).map_err(Error::input)?;
-        Self::new(volume, &arguments.input, Some(phantom))
+        let mut volume = phantom.volume([arguments.phantom_size; 3]).map_err(Error::input)?;
+        Self::new(&mut volume, &arguments.input, Some(phantom))
     }
 
-    fn new(mut data: ScalarVolume, input: &Input, phantom: Option<Phantom>) -> Result<Self, Error> {
+    fn new(data: &mut ScalarVolume, input: &Input, phantom: Option<Phantom>) -> Result<Self, Error> {
         if let Some(replacement) = input.nan {
             data.replace_not_finite(replacement);
         }
         let range = input.range.map(|Numbers(range)| range);
-        let mapping = ValueMapping::new(&data, range).map_err(Error::input)?;
-        let voxels = mapping.voxels(&data);
+        let mapping = ValueMapping::new(data, range).map_err(Error::input)?;
+        let voxels = mapping.voxels(data);
         let histogram = Histogram::new(&voxels);
         let size = data.dimensions().map(|side| u32::try_from(side).unwrap_or(u32::MAX));
         let mut volume = Volume::new(size, voxels).map_err(Error::input)?;
@@ -99,7 +97,8 @@ fn raw_description(
 
 /// `volumepro info`.
 pub fn info(path: &Path, input: &Input) -> Result<(), Error> {
-    let data = read(path, input)?;
+    let mut data = read(path, input)?;
+    let loaded = Loaded::new(&mut data, input, None)?;
     let [x, y, z] = data.dimensions();
     println!("dimensions  {x} x {y} x {z}");
     println!("type        {}", data.samples().scalar_type());
@@ -120,7 +119,6 @@ pub fn info(path: &Path, input: &Input) -> Result<(), Error> {
     if let Some(content) = &data.content {
         println!("content     {content}");
     }
-    let loaded = Loaded::new(data, input, None)?;
     println!("values      {}", loaded.mapping);
     println!("preset      {}", loaded.natural_preset());
     let bytes = vg500_regs::memory::volume_bytes(loaded.volume.size(), loaded.volume.voxels().format());

@@ -10,47 +10,33 @@ use crate::transfer::{Preset, TransferFunction};
 use crate::{Context, Crop, Cursor, CutPlane, LookupTable, Modulation, Reflection};
 use glam::DVec3;
 use vg500_regs::BlendMode;
-use vg500_regs::limit::LOOKUP_ENTRIES;
 
 /// The light where none is asked for: from the viewer.
 const LIGHT: LightList = LightList { direction: [0.0, 0.0, -1.0], intensity: 1.0 };
 
-/// Colour and opacity (0..=1) of data values, per smallest voxel spacing.
-pub type Transfer = Box<dyn Fn(f64) -> [f64; 4]>;
-
-/// The transfer function that the arguments ask for; a preset's name is printed.
-pub fn transfer(look: &Look, loaded: &Loaded) -> Result<Transfer, Error> {
-    if let Some(path) = &look.transfer {
-        let function = TransferFunction::read_csv(path).map_err(Error::input)?;
-        let opaque = matches!(look.blend, Blend::Mip | Blend::Minip);
-        return Ok(Box::new(move |value| {
-            let [r, g, b, a] = function.at(value);
-            [r, g, b, if opaque { 1.0 } else { a }]
-        }));
-    }
-    if look.blend != Blend::Alpha && look.preset.is_none() {
-        return Ok(grey(loaded.mapping.range()));
-    }
-    let preset = match &look.preset {
-        Some(name) => name.parse::<Preset>().map_err(|error| Error::input(format!("--preset {error}")))?,
-        None => loaded.natural_preset(),
-    };
-    eprintln!("preset {preset}");
-    let function = loaded.preset_function(preset);
-    let opaque = look.blend != Blend::Alpha;
-    Ok(Box::new(move |value| {
-        let [r, g, b, a] = function.at(value);
-        [r, g, b, if opaque { 1.0 } else { a }]
-    }))
+/// A transfer function: colour and opacity (0..=1) of data values, per smallest voxel spacing.
+pub struct Transfer {
+    /// The function.
+    pub function: TransferFunction,
+    /// The preset that it comes from.
+    pub preset: Option<Preset>,
 }
 
-/// Grey from black to white over the range, opaque.
-fn grey([low, high]: [f64; 2]) -> Transfer {
-    let width = high - low;
-    Box::new(move |value| {
-        let grey = if width > 0.0 { ((value - low) / width).clamp(0.0, 1.0) } else { 0.0 };
-        [grey, grey, grey, 1.0]
-    })
+/// The transfer function that the arguments ask for. In MIP and MinIP it is opaque: a ray shows its extreme sample.
+pub fn transfer(look: &Look, loaded: &Loaded) -> Result<Transfer, Error> {
+    let (function, preset) = match (&look.transfer, &look.preset) {
+        (Some(path), _) => (TransferFunction::read_csv(path).map_err(Error::input)?, None),
+        (None, None) if look.blend != Blend::Alpha => (TransferFunction::grey(loaded.mapping.range()), None),
+        (None, name) => {
+            let preset = match name {
+                Some(name) => name.parse().map_err(|error| Error::input(format!("--preset {error}")))?,
+                None => loaded.natural_preset(),
+            };
+            (loaded.preset_function(preset), Some(preset))
+        }
+    };
+    let extreme = matches!(look.blend, Blend::Mip | Blend::Minip);
+    Ok(Transfer { function: if extreme { function.opaque() } else { function }, preset })
 }
 
 /// The context of a frame.
@@ -92,10 +78,7 @@ pub fn context(look: &Look, loaded: &Loaded, camera: &Camera, transfer: &Transfe
 }
 
 fn lookup_table(loaded: &Loaded, transfer: &Transfer) -> Result<LookupTable, Error> {
-    let entries = (0..LOOKUP_ENTRIES as u16).map(|entry| transfer(loaded.mapping.value(entry)));
-    let (color, opacity) = entries
-        .map(|[r, g, b, a]| ([r, g, b].map(|channel| (channel.clamp(0.0, 1.0) * 255.0).round() as u8), a))
-        .unzip();
+    let (color, opacity) = transfer.function.entries(&loaded.mapping);
     LookupTable::new(color, opacity).ok_or_else(|| Error::failure("the transfer function leaves 0..1"))
 }
 

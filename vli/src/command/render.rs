@@ -8,7 +8,7 @@ use super::statistics::{Statistics, milliseconds, times};
 use super::{card, explain, look, view};
 use crate::geometry::{Camera, ImageSize};
 use crate::warp::{Background, BasePlanePixels, warp};
-use crate::{BasePlane, Context, FrameReport};
+use crate::{BasePlane, Board, Context, FrameReport};
 use image::ColorType;
 use std::path::Path;
 use std::time::Instant;
@@ -27,13 +27,17 @@ pub fn run(arguments: &Render) -> Result<(), Error> {
     if context.sections {
         return Err(Error::input("--sections: the card does not work section by section yet"));
     }
+    if arguments.card.renderer == Some(RendererName::Ideal) {
+        return Err(Error::input("--renderer ideal: not served yet"));
+    }
     // What the card cannot render is said before a card is opened.
     context.shear_warp(&loaded.volume)?;
-    let base_plane = if arguments.card.renderer == Some(RendererName::Ideal) {
-        return Err(Error::input("--renderer ideal: not served yet"));
-    } else {
-        render(arguments, &loaded, &context)?
-    };
+    let mut board = card::open(&arguments.card)?;
+    eprintln!("{}", loaded.mapping);
+    if let Some(preset) = transfer.preset {
+        eprintln!("preset {preset}");
+    }
+    let base_plane = render(arguments, &loaded, &context, &mut board)?;
     save(&base_plane, &camera, size, arguments)
 }
 
@@ -50,8 +54,12 @@ fn check_output(path: &Path) -> Result<(), Error> {
 }
 
 /// Renders all frames on the card, prints what is asked for, and returns the last base plane.
-fn render(arguments: &Render, loaded: &Loaded, context: &Context) -> Result<BasePlane, Error> {
-    let mut board = card::open(&arguments.card)?;
+fn render(
+    arguments: &Render,
+    loaded: &Loaded,
+    context: &Context,
+    board: &mut Board,
+) -> Result<BasePlane, Error> {
     let started = Instant::now();
     board.load(&loaded.volume)?;
     let upload = started.elapsed();
