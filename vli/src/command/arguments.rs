@@ -120,7 +120,7 @@ pub struct Look {
     #[arg(long, value_name = "X,Y,Z[,I]", allow_hyphen_values = true)]
     pub light: Vec<LightList>,
     /// Emissive, diffuse and specular coefficients 0..1 and specular exponent.
-    #[arg(long, value_name = "KE,KD,KS,EXPONENT", default_value = "0.15,0.75,0.35,24")]
+    #[arg(long, value_name = "KE,KD,KS,EXPONENT", default_value = "0.2,0.9,0.3,24")]
     pub material: Numbers<4>,
     /// What the gradient magnitude modulates.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
