@@ -131,3 +131,22 @@ fn a_volume_beyond_256_voxels_is_refused_by_its_size() {
     assert_eq!(result.status.code(), Some(2), "{message}");
     assert!(message.contains("448"), "{message}");
 }
+
+/// After a change that is meant to change pictures: make it anew with the README's command, and look at it.
+#[test]
+fn the_picture_of_the_readme_is_what_the_program_makes() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("out.png");
+    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let readme = std::fs::read_to_string(workspace.join("README.md")).unwrap();
+    let command = readme.split('`').find(|code| code.starts_with("volumepro render")).unwrap();
+    let arguments: Vec<&str> = command
+        .split_whitespace()
+        .skip(1)
+        .map(|word| if word == "out.png" { output.to_str().unwrap() } else { word })
+        .collect();
+    assert!(volumepro(VOLUMEPRO, &arguments).unwrap().status.success());
+    let [shipped, made] = [workspace.join("vli/pictures/engine-block.png"), output]
+        .map(|path| image::open(path).unwrap().into_rgb8());
+    assert!(shipped == made, "vli/pictures/engine-block.png is not what `{command}` makes");
+}
