@@ -3,7 +3,7 @@
 use super::arguments::{Endian, Input, Render};
 use super::error::Error;
 use super::lists::Numbers;
-use super::progress::Progress;
+use super::progress::{Busy, Progress};
 use crate::Volume;
 use crate::file::{self, ByteOrder, ScalarVolume, nrrd, raw};
 use crate::phantom::Phantom;
@@ -28,7 +28,7 @@ impl Loaded {
             return Self::new(&mut read(path, &arguments.input)?, &arguments.input, None);
         }
         let phantom = arguments.phantom.unwrap_or(Phantom::ALL[0]);
-        let mut volume = phantom.volume([arguments.phantom_size; 3]).map_err(Error::input)?;
+        let mut volume = compute(phantom, arguments.phantom_size)?;
         Self::new(&mut volume, &arguments.input, Some(phantom))
     }
 
@@ -58,6 +58,11 @@ impl Loaded {
     pub fn preset_function(&self, preset: Preset) -> TransferFunction {
         preset.function(&self.mapping, &self.histogram)
     }
+}
+
+fn compute(phantom: Phantom, size: usize) -> Result<ScalarVolume, Error> {
+    let _busy = Busy::new("computing the phantom");
+    phantom.volume([size; 3]).map_err(Error::input)
 }
 
 /// Reads a volume file, with or without header.
@@ -128,6 +133,7 @@ pub fn info(path: &Path, input: &Input) -> Result<(), Error> {
 
 /// `volumepro phantom`.
 pub fn write_phantom(phantom: Phantom, size: usize, output: &Path) -> Result<(), Error> {
-    let volume = phantom.volume([size; 3]).map_err(Error::input)?;
+    let volume = compute(phantom, size)?;
+    let _busy = Busy::new("writing");
     nrrd::write(output, &volume, nrrd::Compression::Gzip).map_err(Error::failure)
 }

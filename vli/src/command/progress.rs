@@ -43,3 +43,26 @@ impl Drop for Progress {
         }
     }
 }
+
+/// A line that shows that something goes on which cannot tell how far it is.
+pub struct Busy(ProgressBar);
+
+impl Busy {
+    /// Shows, in these words, what goes on until it is dropped.
+    pub fn new(what: &'static str) -> Self {
+        let bar = ProgressBar::new_spinner().with_message(what);
+        let style = ProgressStyle::with_template("{spinner} {msg} {elapsed}");
+        let bar = match style {
+            Ok(style) => bar.with_style(style),
+            Err(_) => bar,
+        };
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Self(bar)
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}

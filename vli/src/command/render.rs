@@ -3,7 +3,7 @@
 use super::arguments::{Render, RendererName};
 use super::error::Error;
 use super::input::Loaded;
-use super::progress::Progress;
+use super::progress::{Busy, Progress};
 use super::statistics::{Statistics, milliseconds, times};
 use super::{card, explain, look, view};
 use crate::geometry::{Camera, ImageSize};
@@ -63,10 +63,13 @@ fn render(
     let started = Instant::now();
     board.load(&loaded.volume)?;
     let upload = started.elapsed();
-    let mut progress = Progress::new("rendering");
     let mut reports: Vec<FrameReport> = Vec::new();
-    let mut last = board.render(context, &loaded.volume)?;
+    let mut last = {
+        let _busy = Busy::new("rendering");
+        board.render(context, &loaded.volume)?
+    };
     reports.push(last.report);
+    let mut progress = Progress::new("rendering");
     for frame in 1..arguments.frames {
         progress.update(frame.into(), arguments.frames.into());
         last = board.render(context, &loaded.volume)?;
