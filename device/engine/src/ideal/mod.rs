@@ -126,7 +126,7 @@ impl<V: Voxels, T: Transfer> Scene<V, T> {
             }
             if factor > 0.0 {
                 let value = self.sample(position);
-                ray.blend(self.blend, value, || self.shade(position, value, factor));
+                ray.blend(self.blend, value, || self.color(value, || self.gradient(position), factor));
             }
         }
         if self.cursor.is_some() && self.blend != BlendMode::Alpha {
@@ -146,16 +146,17 @@ impl<V: Voxels, T: Transfer> Scene<V, T> {
         self.cursor.as_ref().and_then(|cursor| cursor.sample(position, factor))
     }
 
-    /// R, G, B (not premultiplied) and A of the sample at an object position, given its value and what of its
-    /// opacity can be seen. In MIP and MinIP it keeps the opacity of the transfer function.
-    fn shade(&self, position: [f64; 3], value: f64, factor: f64) -> [f64; 4] {
+    /// R, G, B (not premultiplied) and A of a visible sample, given its value, its gradient (asked for only if it
+    /// matters) and what of its opacity can be seen. In MIP and MinIP it keeps the opacity of the transfer function.
+    #[must_use]
+    pub fn color(&self, value: f64, gradient: impl FnOnce() -> [f64; 3], factor: f64) -> [f64; 4] {
         let classified = (self.transfer)(value);
         let alpha = classified[3];
         let extreme = matches!(self.blend, BlendMode::Maximum | BlendMode::Minimum);
         if alpha == 0.0 && !extreme {
             return [0.0; 4];
         }
-        let gradient = if self.shading.needs_gradient() { self.gradient(position) } else { [0.0; 3] };
+        let gradient = if self.shading.needs_gradient() { gradient() } else { [0.0; 3] };
         let [r, g, b, modulated] = self.shading.shade(classified, gradient);
         let alpha = match self.blend {
             BlendMode::Alpha => modulated * factor,

@@ -1,10 +1,12 @@
 //! Tests of the renderers without any device: frames go from registers to pixel memory.
 //!
-//! [`card`] is what a card has of memory, [`grid`] volumes in readable form, [`scene`] frames in readable form.
+//! [`card`] is what a card has of memory, [`grid`] volumes in readable form, [`scene`] frames in readable form;
+//! [`bounds`] says how far the reference may be from the ideal.
 //! All other modules are tests.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod bounds;
 mod card;
 mod grid;
 mod scene;
@@ -13,7 +15,10 @@ mod blocks;
 mod error;
 mod frames;
 mod registers;
+mod shading;
+mod shading_sphere;
 mod speed;
 mod stability;
 mod symmetry;
+mod visibility;
 mod volumes;
