@@ -75,6 +75,19 @@ impl fmt::Display for Decoded {
     }
 }
 
+/// A few bytes as they are, of more only their number.
+#[derive(Clone, Copy, Debug)]
+pub struct Bytes<'a>(pub &'a [u8]);
+
+impl fmt::Display for Bytes<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            few if few.len() <= 8 => write!(f, "{few:02x?}"),
+            many => write!(f, "{} bytes", many.len()),
+        }
+    }
+}
+
 /// A number as its format means it; a half of a longer number as it stands.
 fn write_value(f: &mut fmt::Formatter<'_>, field: &Field, word: u32) -> fmt::Result {
     let format = field.format;

@@ -27,15 +27,26 @@ pub(super) struct FakeBus {
     memory: Mutex<Range<u64>>,
     events: Arc<Mutex<Vec<Event>>>,
     before: Mutex<Option<Question>>,
+    failure: Mutex<Option<DmaError>>,
 }
 
 impl FakeBus {
     pub(super) fn with_memory(memory: Range<u64>) -> Arc<Self> {
-        Arc::new(Self { memory: Mutex::new(memory), events: Arc::default(), before: Mutex::default() })
+        Arc::new(Self {
+            memory: Mutex::new(memory),
+            events: Arc::default(),
+            before: Mutex::default(),
+            failure: Mutex::default(),
+        })
     }
 
     pub(super) fn set_memory(&self, memory: Range<u64>) {
         *self.memory.lock().unwrap() = memory;
+    }
+
+    /// From now on memory is not there for this reason.
+    pub(super) fn fail(&self, failure: DmaError) {
+        *self.failure.lock().unwrap() = Some(failure);
     }
 
     /// What happened since the last call.
@@ -49,6 +60,9 @@ impl FakeBus {
     }
 
     fn check(&self, address: u64, length: u64) -> Result<(), DmaError> {
+        if let Some(failure) = *self.failure.lock().unwrap() {
+            return Err(failure);
+        }
         let memory = self.memory.lock().unwrap();
         let end = address.checked_add(length).ok_or(DmaError::Wraps { iova: address, length })?;
         let inside = memory.contains(&address) && end <= memory.end;

@@ -53,7 +53,7 @@ use crate::dma::DmaTable;
 use crate::interrupt::Interrupts;
 use crate::pci::{CONFIG_SIZE, CommandRegister, ConfigSpace, Effect, Layout, MsixTable};
 use crate::protocol::{Device, Region, ResetReason, region};
-use crate::trace::Trace;
+use crate::trace::{Bytes, Trace};
 use board::Board;
 use bus::{Bus, ClientBus};
 use engine::{Command, Engine, Render};
@@ -198,8 +198,9 @@ impl Device for Card {
 
     fn read(&mut self, region: usize, offset: u64, data: &mut [u8]) -> Result<(), Errno> {
         if region == region::CONFIG {
-            self.board.trace.line(format_args!("read config {offset:#05x} {} bytes", data.len()));
-            return self.config.read(offset, data);
+            let result = self.config.read(offset, data);
+            self.board.trace.line(format_args!("read config {offset:#05x} {}", Bytes(data)));
+            return result;
         }
         let bar = u32::try_from(region).map_err(|_| Errno::INVAL)?;
         self.traffic.count_read(bar);
@@ -219,7 +220,7 @@ impl Device for Card {
 
     fn write(&mut self, region: usize, offset: u64, data: &[u8]) -> Result<(), Errno> {
         if region == region::CONFIG {
-            self.board.trace.line(format_args!("write config {offset:#05x} {data:02x?}"));
+            self.board.trace.line(format_args!("write config {offset:#05x} {}", Bytes(data)));
             if self.config.write(offset, data)? == Effect::Reset {
                 self.reset(ResetReason::FunctionLevel);
             }

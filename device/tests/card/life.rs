@@ -80,3 +80,29 @@ fn a_card_that_is_stopped_drops_its_client() {
     assert!(peer.client.region_read(0, 0, &mut [0; 4]).is_err());
     assert!(!folder.path().join("card.sock").exists());
 }
+
+#[test]
+fn nothing_reaches_host_memory_after_a_reset() {
+    let server = Server::new(Config { strict: true, ..Config::default() });
+    let mut peer = Peer::new(&server.socket());
+    peer.fill(32);
+    for round in 0..200 {
+        peer.write(interrupt_enable::REGISTER, interrupt_enable::REGISTER.mask());
+        peer.write(status_address_low::REGISTER, HOST as u32);
+        peer.write(status_control::REGISTER, 1);
+        peer.start(&frame(32, round, round % 16));
+        // The publisher is busy with this one when the reset comes.
+        peer.write(acknowledge::REGISTER, acknowledge::REGISTER.mask());
+        if round % 2 == 0 {
+            peer.write(reset::REGISTER, RESET_KEY);
+        } else {
+            peer.client.reset().unwrap();
+            peer.client.region_write(7, 4, &[6, 0]).unwrap();
+        }
+        peer.host.view().write(0, &[0xa5; STATUS_BLOCK]).unwrap();
+        std::thread::sleep(Duration::from_micros(300));
+        assert_eq!(peer.host.bytes(0, STATUS_BLOCK), [0xa5; STATUS_BLOCK]);
+        assert_eq!(peer.read(completed::REGISTER), 0);
+    }
+    assert!(!server.trace().contains("mistake:"), "{}", server.trace());
+}

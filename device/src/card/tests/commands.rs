@@ -99,9 +99,22 @@ fn a_base_plane_in_use_is_not_rendered_into() {
     gate.open();
     rig.await_idle();
     assert_eq!([1, 2, 4].map(|place| rig.plane_state(place)), [(4, 1), (1, 1), (5, 1)]);
-    rig.start(&frame(7, 2));
+    rig.start(&frame(9, 2));
     rig.await_idle();
-    assert_eq!(rig.plane_state(2), (7, result::DONE));
+    assert_eq!(rig.plane_state(2), (9, result::DONE));
+}
+
+#[test]
+fn a_frame_of_another_format_is_not_continued() {
+    let (mut rig, gate) = held();
+    rig.start(&frame(1, 0));
+    rig.start(&frame(2, 5));
+    for plane in [0, 2] {
+        rig.start(&continued(3, plane));
+        assert_eq!(rig.plane_fault(2 * plane), Some(BUSY));
+    }
+    gate.open();
+    rig.await_idle();
 }
 
 #[test]
@@ -147,6 +160,8 @@ fn a_full_queue_drops_the_command_and_says_so() {
     rig.start(&continued(99, 7));
     assert_eq!(rig.plane_state(14), (99, result::FAILED));
     assert_eq!(rig.plane_fault(14).unwrap().code, FaultCode::QueueFull);
+    assert_eq!(status::QUEUE_FULL.get(rig.read(status::REGISTER)), 1);
+    rig.write(acknowledge::REGISTER, acknowledge::QUEUE_FULL.mask());
     rig.write(transfer_size::REGISTER, 0x0001_0001);
     rig.write(transfer_pitch::REGISTER, 4);
     rig.write(transfer::REGISTER, transfer::TAG.put(5));

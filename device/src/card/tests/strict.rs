@@ -8,6 +8,7 @@ use vg500_regs::table::*;
 use super::rig::{BASE, Rig, continued, frame};
 use crate::card::fake::{Gate, Gated};
 use crate::config::Config;
+use crate::dma::DmaError;
 use crate::protocol::{Device, region};
 
 /// The one mistake since the last call, and that it has been counted.
@@ -70,6 +71,18 @@ fn every_mistake_is_named() {
     assert!(after(&uncopied).starts_with("the status copy cannot reach host memory"));
     rig.write(acknowledge::REGISTER, acknowledge::MISTAKE.mask());
     assert_eq!(status::MISTAKE.get(rig.read(status::REGISTER)), 0);
+}
+
+#[test]
+fn memory_that_is_taken_away_is_not_the_drivers_mistake() {
+    for (failure, faults) in [(DmaError::Suspended, 0), (DmaError::Revoked { iova: 0 }, 1)] {
+        let mut rig = Rig::strict();
+        rig.bus.fail(failure);
+        rig.write(status_control::REGISTER, 1);
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        rig.await_that(|rig| status::FAULT_PENDING.get(rig.read(status::REGISTER)) == faults);
+        assert_eq!((rig.mistakes().len(), rig.read(mistakes::REGISTER)), (0, 0));
+    }
 }
 
 #[test]
