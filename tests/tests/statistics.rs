@@ -1,0 +1,74 @@
+//! `--stats json` and `--explain`: what scripts and people read.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
+
+use serde_json::Value;
+use volumepro_tests::programs::volumepro;
+
+const VOLUMEPRO: &str = env!("CARGO_BIN_EXE_test-volumepro");
+
+fn render(arguments: &[&str]) -> (String, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("out.png");
+    let mut all =
+        vec!["render", "--phantom", "ellipsoids", "--phantom-size", "24", "-o", output.to_str().unwrap()];
+    all.extend(arguments);
+    let result = volumepro(VOLUMEPRO, &all).unwrap();
+    let message = String::from_utf8(result.stderr).unwrap();
+    assert!(result.status.success(), "{message}");
+    (String::from_utf8(result.stdout).unwrap(), message)
+}
+
+fn statistics(arguments: &[&str]) -> Value {
+    let all: Vec<&str> = ["--stats", "json"].iter().chain(arguments).copied().collect();
+    let (output, _) = render(&all);
+    assert_eq!(output.lines().count(), 1, "{output}");
+    serde_json::from_str(&output).unwrap()
+}
+
+#[test]
+fn head_on_there_is_one_sample_for_each_voxel() {
+    let statistics = statistics(&["--shading", "off"]);
+    assert_eq!(statistics["dimensions"], serde_json::json!([24, 24, 24]));
+    assert_eq!(statistics["base_plane"], serde_json::json!([24, 24]));
+    assert_eq!(statistics["samples"], 24 * 24 * 24);
+    // 32^3 padded voxels on four pipelines.
+    assert_eq!(statistics["modelled_cycles"], 32 * 32 * 32 / 4);
+    assert_eq!(statistics["architecture"], "vg500");
+    for name in ["samples_processed", "render_ms", "frame_ms", "upload_ms", "threads"] {
+        assert!(statistics[name].is_number(), "{name}");
+    }
+    assert!(statistics["simd"].is_string());
+    let left_out: Vec<&str> =
+        statistics["left_out"].as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
+    for stage in ["gradient", "illumination", "crop", "cut", "cursor"] {
+        assert!(left_out.contains(&stage), "{left_out:?}");
+    }
+}
+
+#[test]
+fn supersampling_counts_every_sub_sample() {
+    let statistics = statistics(&["--supersample", "2,3,4"]);
+    // Rays at i + 1/2 in x and at thirds in y end with the last voxel; slices lie at quarters.
+    assert_eq!(statistics["base_plane"], serde_json::json!([24 + 23, 24 + 23 + 23]));
+    assert_eq!(statistics["samples"], (24 + 23) * (24 + 23 + 23) * (4 * 23 + 1));
+    assert_eq!(statistics["modelled_cycles"], 2 * 3 * 4 * 32 * 32 * 32 / 4);
+}
+
+#[test]
+fn frames_are_listed_and_their_median_is_given() {
+    let statistics = statistics(&["--frames", "5"]);
+    let mut times: Vec<f64> =
+        statistics["frame_ms_all"].as_array().unwrap().iter().map(|it| it.as_f64().unwrap()).collect();
+    assert_eq!(times.len(), 5);
+    times.sort_by(f64::total_cmp);
+    assert_eq!(statistics["frame_ms"].as_f64().unwrap(), times[2]);
+    assert_eq!(statistics["render_ms_all"].as_array().unwrap().len(), 5);
+}
+
+#[test]
+fn explanations_are_for_people_and_not_on_standard_output() {
+    let (output, message) = render(&["--explain", "--crop", "0,9,0,9,0,9"]);
+    assert!(output.is_empty());
+    assert!(message.contains("left out: Gradient magnitude"), "{message}");
+    assert!(!message.contains("left out: Cropping"), "{message}");
+}
