@@ -2,14 +2,14 @@
 //!
 //! An access goes through these modules in this order, and nothing goes back:
 //!
-//! 1. [`access`] cuts it into words, [`window`] finds them in the register table and latches what is written;
-//! 2. a command is taken from the registers, validated and queued by [`submit`], or refused;
-//! 3. [`engine`], a thread of its own, carries out one command after another: frames by the render engine,
-//!    transfers by [`transfer`] and [`pixel`];
-//! 4. [`state`] shows the end of a command in the registers, and [`board`] tells the host: the copy of the
+//! 1. `access` cuts it into words, `window` finds them in the register table and latches what is written;
+//! 2. a command is taken from the registers, validated and queued by `submit`, or refused;
+//! 3. `engine`, a thread of its own, carries out one command after another: frames by the render engine,
+//!    transfers by `transfer` and `pixel`;
+//! 4. `state` shows the end of a command in the registers, and `board` tells the host: the copy of the
 //!    status block first, then the interrupt.
 //!
-//! No handler of an access waits for step 3 or 4. [`watch`] and [`mistake`] are strict mode.
+//! No handler of an access waits for step 3 or 4. `watch` and `mistake` are strict mode.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing))]
 
