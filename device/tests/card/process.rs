@@ -1,7 +1,7 @@
 //! The process: readiness, signals, exit codes, inherited sockets.
 
 use std::io::{BufRead, BufReader, Read};
-use std::os::fd::{AsRawFd, OwnedFd};
+use std::os::fd::OwnedFd;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::{UnixDatagram, UnixListener};
 use std::path::Path;
@@ -113,13 +113,12 @@ fn a_listening_socket_can_be_inherited() {
     let notify = folder.path().join("notify.sock");
     let manager = UnixDatagram::bind(&notify).unwrap();
     manager.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
-    // The shell puts the socket where the protocol wants it, and becomes the process that it names.
-    let script = format!("exec {PROGRAM} 3<&{}", listener.as_raw_fd());
+    // The shell puts the socket, its standard input, where the protocol wants it, and becomes the process that it names.
+    let script = format!("export LISTEN_PID=$$; exec {PROGRAM} 3<&0 </dev/null");
     let mut shell = Command::new("sh");
-    rustix::io::fcntl_setfd(&listener, rustix::io::FdFlags::empty()).unwrap();
-    shell.arg("-c").arg(format!("export LISTEN_PID=$$; {script}"));
+    shell.arg("-c").arg(script);
     shell.env("LISTEN_FDS", "1").env("NOTIFY_SOCKET", &notify);
-    shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    shell.stdin(Stdio::from(listener)).stdout(Stdio::piped()).stderr(Stdio::piped());
     let (child, line) = ready(shell);
     assert_eq!(line, "listening on an inherited socket\n");
     let mut message = [0; 64];
