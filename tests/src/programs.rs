@@ -111,6 +111,23 @@ impl Device {
         })
     }
 
+    /// What the process holds between clients: once that has not changed for a while.
+    ///
+    /// # Errors
+    /// It has ended.
+    pub fn holdings_at_rest(&self) -> io::Result<Holdings> {
+        let mut last = self.holdings()?;
+        let mut since = Instant::now();
+        while since.elapsed() < Duration::from_millis(500) {
+            std::thread::sleep(Duration::from_millis(10));
+            let holdings = self.holdings()?;
+            if holdings != last {
+                (last, since) = (holdings, Instant::now());
+            }
+        }
+        Ok(last)
+    }
+
     /// What the process holds once that is `expected`, or what it still holds after a while: connections give back
     /// what they held only after they are traced as ended.
     ///

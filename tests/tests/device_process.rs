@@ -62,7 +62,7 @@ fn clients_killed_at_every_message_leave_nothing() {
     let picture = || render(SCENES[0], &device.selection(), &folder.path().join("out.png"));
     let expected = picture();
     device.wait_for_end().unwrap();
-    let before = device.holdings().unwrap();
+    let before = device.holdings_at_rest().unwrap();
     let mut messages = 0;
     loop {
         messages += 1;

@@ -116,7 +116,7 @@ fn malformed_messages_leave_the_device_serving() {
     let mut device = Device::start(DEVICE, &[]).unwrap();
     let expected = picture(&device, &output);
     device.wait_for_end().unwrap();
-    let before = device.holdings().unwrap();
+    let before = device.holdings_at_rest().unwrap();
     for (name, bytes) in attacks() {
         let mut stream = UnixStream::connect(device.socket()).unwrap();
         stream.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
