@@ -72,3 +72,17 @@ fn explanations_are_for_people_and_not_on_standard_output() {
     assert!(message.contains("left out: Gradient magnitude"), "{message}");
     assert!(!message.contains("left out: Cropping"), "{message}");
 }
+
+#[test]
+fn a_full_standard_output_is_an_error_and_no_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = format!(
+        "{VOLUMEPRO} render --phantom sphere --phantom-size 8 -o out.png --stats json >/dev/full; echo $? >code"
+    );
+    let result =
+        std::process::Command::new("sh").arg("-c").arg(script).current_dir(folder.path()).output().unwrap();
+    let message = String::from_utf8(result.stderr).unwrap();
+    let code = std::fs::read_to_string(folder.path().join("code")).unwrap();
+    assert_eq!(code, "1\n", "{message}");
+    assert!(message.lines().last().unwrap().starts_with("volumepro: standard output: "), "{message}");
+}

@@ -2,13 +2,14 @@
 
 use super::lists::{CropList, CutPlaneList, LightList, Numbers, Size};
 use crate::phantom::{DEFAULT_SIZE, Phantom};
+use crate::transfer::Preset;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 use std::str::FromStr;
 
 /// Renders volumes on an emulated VolumePro 500.
 #[derive(Debug, Parser)]
-#[command(name = "volumepro", version, about)]
+#[command(name = "volumepro", version, about = "Renders volumes on an emulated VolumePro 500")]
 pub struct Arguments {
     /// What to do.
     #[command(subcommand)]
@@ -46,8 +47,7 @@ pub enum Command {
 pub struct Render {
     /// Volume file; without one a phantom is rendered.
     pub volume: Option<PathBuf>,
-    /// Render a computed volume instead of a file.
-    #[arg(long, value_name = "NAME", conflicts_with = "volume", value_parser = Phantom::from_str)]
+    #[arg(long, help = phantom_help(), value_name = "NAME", conflicts_with = "volume", value_parser = Phantom::from_str)]
     pub phantom: Option<Phantom>,
     /// Voxels along each axis of the phantom.
     #[arg(long, value_name = "N", conflicts_with = "volume", default_value_t = DEFAULT_SIZE)]
@@ -77,6 +77,16 @@ pub struct Render {
     pub stats: Option<StatsFormat>,
 }
 
+fn phantom_help() -> String {
+    let names = Phantom::ALL.map(|phantom| format!("{}: {}", phantom.name(), phantom.description()));
+    format!("Render a computed volume instead of a file: {}", names.join("; "))
+}
+
+fn preset_help() -> String {
+    let names = Preset::ALL.map(Preset::name).join(", ");
+    format!("Built-in transfer function, chosen by the data if absent: {names}")
+}
+
 /// Where the picture is taken from. World units are millimetres.
 #[derive(Debug, Args)]
 pub struct View {
@@ -103,8 +113,7 @@ pub struct View {
 /// How the volume looks.
 #[derive(Debug, Args)]
 pub struct Look {
-    /// Built-in transfer function; chosen by the data if absent.
-    #[arg(long, value_name = "NAME", conflicts_with = "transfer")]
+    #[arg(long, help = preset_help(), value_name = "NAME", conflicts_with = "transfer")]
     pub preset: Option<String>,
     /// CSV file with header value,red,green,blue,opacity: value in the data's units, the rest 0..1, opacity per
     /// smallest voxel spacing.

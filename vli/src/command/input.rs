@@ -4,6 +4,7 @@ use super::arguments::{Endian, Input, Render};
 use super::error::Error;
 use super::lists::Numbers;
 use super::progress::{Busy, Progress};
+use super::statistics::print;
 use crate::Volume;
 use crate::file::{self, ByteOrder, ScalarVolume, nrrd, raw};
 use crate::phantom::Phantom;
@@ -105,30 +106,26 @@ pub fn info(path: &Path, input: &Input) -> Result<(), Error> {
     let mut data = read(path, input)?;
     let loaded = Loaded::new(&mut data, input, None)?;
     let [x, y, z] = data.dimensions();
-    println!("dimensions  {x} x {y} x {z}");
-    println!("type        {}", data.samples().scalar_type());
-    let [x, y, z] = data.geometry().spacing();
-    println!("spacing     {x} x {y} x {z} mm");
-    let geometry = *data.geometry();
-    println!("origin      {}", geometry.origin);
-    for (name, direction) in ["x", "y", "z"].iter().zip([
-        geometry.directions.x_axis,
-        geometry.directions.y_axis,
-        geometry.directions.z_axis,
-    ]) {
-        println!("{name} axis      {direction}");
-    }
-    if let Some(space) = &data.space {
-        println!("space       {space}");
-    }
-    if let Some(content) = &data.content {
-        println!("content     {content}");
-    }
-    println!("values      {}", loaded.mapping);
-    println!("preset      {}", loaded.natural_preset());
+    let geometry = data.geometry();
+    let directions = [geometry.directions.x_axis, geometry.directions.y_axis, geometry.directions.z_axis];
+    let spacing = geometry.spacing();
     let bytes = vg500_regs::memory::volume_bytes(loaded.volume.size(), loaded.volume.voxels().format());
-    println!("on board    {bytes} bytes, padding included");
-    Ok(())
+    let mut lines = vec![
+        ("dimensions", format!("{x} x {y} x {z}")),
+        ("type", data.samples().scalar_type().to_string()),
+        ("spacing", format!("{} x {} x {} mm", spacing[0], spacing[1], spacing[2])),
+        ("origin", geometry.origin.to_string()),
+        ("x axis", directions[0].to_string()),
+        ("y axis", directions[1].to_string()),
+        ("z axis", directions[2].to_string()),
+    ];
+    lines.extend(data.space.clone().map(|space| ("space", space)));
+    lines.extend(data.content.clone().map(|content| ("content", content)));
+    lines.push(("voxels", loaded.mapping.to_string()));
+    lines.push(("preset", loaded.natural_preset().to_string()));
+    lines.push(("on board", format!("{bytes} bytes, padding included")));
+    let text: String = lines.iter().map(|(name, value)| format!("{name:10}  {value}\n")).collect();
+    print(&text)
 }
 
 /// `volumepro phantom`.

@@ -4,6 +4,7 @@ use super::arguments::StatsFormat;
 use super::error::Error;
 use crate::FrameReport;
 use serde::Serialize;
+use std::io::Write;
 use std::time::Duration;
 
 /// What is printed about a render.
@@ -45,16 +46,21 @@ impl Statistics {
     /// Prints the statistics on standard output.
     pub fn print(&self, format: StatsFormat) -> Result<(), Error> {
         let value = serde_json::to_value(self).map_err(Error::failure)?;
-        match (format, &value) {
+        let text = match (format, &value) {
             (StatsFormat::Text, serde_json::Value::Object(fields)) => {
-                for (name, value) in fields {
-                    println!("{name}: {value}");
-                }
+                fields.iter().map(|(name, value)| format!("{name}: {value}\n")).collect()
             }
-            _ => println!("{value}"),
-        }
-        Ok(())
+            _ => format!("{value}\n"),
+        };
+        print(&text)
     }
+}
+
+/// Prints on standard output, which may be closed.
+pub fn print(text: &str) -> Result<(), Error> {
+    let mut output = std::io::stdout();
+    let printed = output.write_all(text.as_bytes()).and_then(|()| output.flush());
+    printed.map_err(|error| Error::failure(format!("standard output: {error}")))
 }
 
 /// Times in milliseconds, and their median.
