@@ -15,7 +15,7 @@ const IRON: f64 = 165.0;
 /// Value of steel: pistons, rods, crankshaft, bolts.
 const STEEL: f64 = 215.0;
 /// Standard deviation of the noise.
-const NOISE: f64 = 5.0;
+const NOISE: f64 = 3.0;
 /// Width of an edge in samples: a scanner blurs.
 const BLUR: f64 = 1.6;
 
@@ -123,7 +123,7 @@ fn moving_parts(place: DVec3) -> f64 {
         let crank_pin = cylinder(DVec2::new(y - pin, z), along, 0.07, 0.14);
         let web = rounded_box(
             DVec3::new(along.abs() - 0.14, y - CRANK - 0.35 * throw, z),
-            DVec3::new(0.03, 0.25, 0.12),
+            DVec3::new(0.03, 0.17, 0.12),
             0.02,
         );
         let piston_height = pin + 0.62;

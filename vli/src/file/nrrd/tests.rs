@@ -349,6 +349,26 @@ fn bits(samples: &Samples) -> Vec<u8> {
     bytes
 }
 
+/// Fields with values that are rare, wrong, or at the limits of numbers.
+const STRANGE: [(&str, &[&str]); 10] = [
+    ("type", &["int8", "double", "long long", "block", ""]),
+    ("encoding", &["raw", "gzip", "hex", "text", "bz2"]),
+    ("endian", &["little", "big", "middle"]),
+    ("byte skip", &["-1", "0", "1", "18446744073709551615", "18446744073709551616"]),
+    ("line skip", &["0", "1", "18446744073709551615", "x"]),
+    (
+        "data file",
+        &["volume.nrrd", "LIST", "%d 1 2 1", "%064d.raw 0 9223372036854775807 1 3", "%d 1 9 3 0", "/"],
+    ),
+    ("kinds", &["domain domain domain", "list domain domain domain", "vector space", ""]),
+    ("spacings", &["1 1 1", "nan 1 1 1", "1e300 1 1", "-0.0 1 1", "1e-320 1 1"]),
+    (
+        "space directions",
+        &["(1,0,0) (0,1,0) (0,0,1)", "none (1,0,0) (0,1,0) (0,0,1)", "(1e308,1e308,1e308)", "((", ""],
+    ),
+    ("space origin", &["(0,0,0)", "(1e308,0,0)", "none", ")("]),
+];
+
 proptest! {
     #[test]
     fn what_is_written_is_read(
@@ -407,6 +427,28 @@ proptest! {
         );
         let read = read_file(&header, &data).unwrap();
         prop_assert_eq!(read.samples(), &wanted);
+    }
+
+    #[test]
+    fn strange_headers_never_panic(
+        values in prop::collection::vec((prop::sample::select(STRANGE.to_vec()), 0_usize..8), 0..6),
+        sizes in prop::collection::vec(prop::sample::select(vec!["0", "1", "2", "4", "12", "4294967296", "-1"]), 0..6),
+        length in 0_usize..100,
+    ) {
+        let mut lines = vec![format!("dimension: {}", sizes.len()), format!("sizes: {}", sizes.join(" "))];
+        for ((field, choices), choice) in values {
+            lines.push(format!("{field}: {}", choices[choice % choices.len()]));
+        }
+        for default in ["type: uint16", "encoding: raw", "endian: big"] {
+            let field = default.split_once(':').unwrap().0;
+            if !lines.iter().any(|line| line.starts_with(field)) {
+                lines.push(default.into());
+            }
+        }
+        let header = format!("NRRD0005\n{}\n", lines.join("\n"));
+        if let Ok(volume) = read_file(&header, &vec![b'1'; length]) {
+            prop_assert_eq!(volume.dimensions().iter().product::<usize>(), volume.samples().len());
+        }
     }
 
     #[test]

@@ -14,15 +14,15 @@ fn between(low: f64, high: f64, part: f64) -> f64 {
     low * (1.0 - part) + high * part
 }
 
-/// The first material translucent and cool, denser ones glowing and more opaque.
+/// The first material like bluish glass, whose surface shows more than its inside; denser ones golden.
 pub fn industrial(classes: &Classes) -> Vec<ControlPoint> {
     let [edge, step] = classes.threshold;
     let [_, material, dense] = classes.mean;
     vec![
-        point(edge, [0.30, 0.37, 0.48], 0.0),
-        point(between(edge, material, 0.5), [0.54, 0.66, 0.82], 0.1),
-        point(material, [0.60, 0.70, 0.84], 0.025),
-        point(between(material, step, 0.6), [0.66, 0.73, 0.83], 0.02),
+        point(edge, [0.30, 0.40, 0.58], 0.0),
+        point(between(edge, material, 0.5), [0.54, 0.70, 0.95], 0.17),
+        point(material, [0.60, 0.74, 0.95], 0.018),
+        point(between(material, step, 0.6), [0.66, 0.77, 0.94], 0.018),
         point(step, [0.95, 0.50, 0.15], 0.08),
         point(dense, [1.0, 0.75, 0.30], 0.35),
         point(classes.range[1], [1.0, 0.95, 0.70], 0.7),

@@ -101,9 +101,9 @@ impl Sums {
 /// Whether the histogram, from a bin upwards, falls and then rises again by half. Bins are joined by fours, and the
 /// last are left out, in which cut off values pile up.
 fn has_peak(bins: &[f64; BINS], first: usize) -> bool {
-    let coarse: Vec<f64> = bins.chunks(4).map(|bins| bins.iter().sum()).collect();
+    let coarse = bins.chunks(4).map(|bins| bins.iter().sum::<f64>());
     let mut least = f64::INFINITY;
-    for &count in &coarse[first.div_ceil(4)..coarse.len() - 1] {
+    for count in coarse.take(BINS / 4 - 1).skip(first.div_ceil(4)) {
         if count > 1.5 * least.max(1.0) {
             return true;
         }

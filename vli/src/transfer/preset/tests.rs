@@ -106,6 +106,18 @@ fn materials_are_found_and_told_apart() {
 }
 
 #[test]
+fn classes_at_the_upper_end_have_no_peak() {
+    let (mapping, histogram) = describe(vec![4050_u16, 4070, 4090], Some([0.0, 4095.0]));
+    let classes = Classes::new(&mapping, &histogram);
+    assert!(!classes.has_peak);
+    assert_eq!(classes.threshold, [4095.0 * 254.0 / 256.0, 4095.0 * 255.0 / 256.0]);
+    let (mapping, histogram) = describe(vec![5_u8; 9], None);
+    let classes = Classes::new(&mapping, &histogram);
+    assert!(!classes.has_peak);
+    assert_eq!(classes.mean, [5.0; 3]);
+}
+
+#[test]
 fn ranges_move_presets() {
     let (mapping, histogram) = describe((0..=255).collect::<Vec<u8>>(), Some([100.0, 200.0]));
     let function = Preset::Grey.function(&mapping, &histogram);
