@@ -166,15 +166,19 @@ impl Context {
     }
 
     /// Direction towards the eye in world space, unit length.
-    fn eye(&self) -> DVec3 {
+    pub(crate) fn eye(&self) -> DVec3 {
         self.camera.inverse().transform_vector3(DVec3::Z).normalize_or_zero()
+    }
+
+    /// Distance that opacities are to be corrected for, as a multiple of the smallest voxel spacing.
+    pub(crate) fn opacity_distance(&self, volume: &Volume, view: &ShearWarp) -> f64 {
+        let correct = self.correct_opacity && self.blend == BlendMode::Alpha;
+        if correct { view.sample_distance() / volume.place().smallest_spacing() } else { 1.0 }
     }
 
     /// Each table that frames of this context read.
     pub(crate) fn tables(&self, volume: &Volume, view: &ShearWarp) -> Result<Vec<TableContent>, Error> {
-        let correct = self.correct_opacity && self.blend == BlendMode::Alpha;
-        let spacing = volume.place().smallest_spacing();
-        let distance = if correct { view.sample_distance() / spacing } else { 1.0 };
+        let distance = self.opacity_distance(volume, view);
         let mut tables = vec![
             TableContent::color(&self.lookup_table.card_colors()),
             TableContent::opacity(&self.lookup_table.card_opacities(distance))?,
@@ -195,6 +199,7 @@ impl Context {
     }
 }
 
-fn linear(volume: &Volume) -> DMat3 {
+/// The linear part of a volume's model matrix.
+pub(crate) fn linear(volume: &Volume) -> DMat3 {
     DMat3::from_mat4(*volume.place().world_from_voxel())
 }

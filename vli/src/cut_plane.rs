@@ -34,23 +34,40 @@ impl CutPlane {
         })
     }
 
-    /// Writes the cut-plane registers for a volume with this model matrix.
-    pub(crate) fn program(&self, world_from_voxel: &DMat4, registers: &mut FrameRegisters) {
+    /// Whether what lies outside of the slab can be seen.
+    #[must_use]
+    pub const fn outside(&self) -> bool {
+        self.outside
+    }
+
+    /// Width of the transition outside of each face, in voxels.
+    #[must_use]
+    pub const fn falloff(&self) -> f64 {
+        self.falloff
+    }
+
+    /// The slab in the voxel space of a volume with this model matrix: the unit normal, and the distances of the two
+    /// faces along it.
+    pub(crate) fn in_voxels(&self, world_from_voxel: &DMat4) -> (DVec3, [f64; 2]) {
         // A plane is a row vector: its value at a voxel is plane . (model voxel).
         let plane = world_from_voxel.transpose() * self.plane;
         let millimetres_per_voxel = plane.truncate().length();
         let plane = plane / millimetres_per_voxel;
         let thickness = self.thickness / millimetres_per_voxel;
+        (plane.truncate(), [-plane.w - thickness, -plane.w])
+    }
+
+    /// Writes the cut-plane registers for a volume with this model matrix.
+    pub(crate) fn program(&self, world_from_voxel: &DMat4, registers: &mut FrameRegisters) {
+        let (normal, [min, max]) = self.in_voxels(world_from_voxel);
         registers.set(cut_control::ENABLE, 1);
         registers.set(cut_control::OUTSIDE, u32::from(self.outside));
-        let [a, b, c] = coefficients(plane.truncate());
+        let [a, b, c] = coefficients(normal);
         registers.set_signed(cut_normal_xy::A, a);
         registers.set_signed(cut_normal_xy::B, b);
         registers.set_signed(cut_normal_z::C, c);
-        let faces = [
-            (-plane.w - thickness, cut_min_low::WORD, cut_min_high::WORD),
-            (-plane.w, cut_max_low::WORD, cut_max_high::WORD),
-        ];
+        let faces =
+            [(min, cut_min_low::WORD, cut_min_high::WORD), (max, cut_max_low::WORD, cut_max_high::WORD)];
         for (distance, low, high) in faces {
             let word = (distance * (1_u64 << CUT_DISTANCE.fraction) as f64).round() as i64;
             registers.set(low, word as u32);

@@ -13,6 +13,8 @@ mod cut_plane;
 mod embedded;
 pub mod file;
 pub mod geometry;
+#[cfg(feature = "embedded")]
+pub mod ideal;
 pub mod illumination;
 mod lookup_table;
 mod passes;

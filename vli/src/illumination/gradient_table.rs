@@ -5,7 +5,7 @@ use vg500_regs::limit::GRADIENT_MAGNITUDE_ENTRIES;
 pub const GRADIENT_TABLE_LENGTH: usize = 8;
 
 /// Greatest magnitude the card computes: round(sqrt(3) 127) (paper, section 3.3).
-const GREATEST: f64 = 220.0;
+pub(crate) const GREATEST: f64 = 220.0;
 
 /// The card's gradient-magnitude table for a piecewise-linear function, given by its values (0..=1) at magnitudes
 /// 0, 1/7, ..., 1 of the greatest. Beyond the last it stays as it is.
@@ -29,7 +29,7 @@ pub fn gradient_magnitude_table(
 }
 
 /// Mean spacing times the root mean square of world gradients of unit voxel gradients; 1 in isotropic volumes.
-fn anisotropy(model: DMat3) -> f64 {
+pub(crate) fn anisotropy(model: DMat3) -> f64 {
     let squares: f64 = model.inverse().to_cols_array().iter().map(|entry| entry * entry).sum();
     let spacing = (model.x_axis.length() + model.y_axis.length() + model.z_axis.length()) / 3.0;
     spacing * (squares / 3.0).sqrt()

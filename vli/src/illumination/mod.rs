@@ -5,7 +5,7 @@
 //! and sheared volumes: with L the linear part of the model matrix, the gradient g that indexes a map stands for
 //! the world gradient L^-T g.
 
-mod gradient_table;
+pub(crate) mod gradient_table;
 mod light;
 mod reflectance;
 
