@@ -9,13 +9,15 @@ use crate::bounds::light::interpolated;
 use crate::bounds::{Outcome, compare};
 use crate::card::Card;
 use crate::grid::{Chance, Grid};
-use crate::scene::{MODES, Scene};
+use crate::scene::{LIT, MODES, Scene};
 use crate::visibility::{cursor, cut_plane, view};
 use vg500_engine::frame::{Crop, Illumination};
+use vg500_engine::ideal;
 use vg500_engine::ideal::shading::{Light, Lighting};
-use vg500_regs::VoxelFormat;
 use vg500_regs::memory::Table;
 use vg500_regs::reflectance::{FACE, direction, face_axes};
+use vg500_regs::table::{material, output};
+use vg500_regs::{BlendMode, Fault, FaultCode, SharedView, VoxelFormat};
 
 type Vector = [f64; 3];
 
@@ -133,6 +135,21 @@ fn any_scene(scene: &Scene, eye: [i16; 3], chance: &mut Chance) -> Scene {
     scene.cut = cut.then(|| cut_plane(chance));
     scene.cursor = pointed.then(|| cursor(chance));
     view(&scene, exact, chance)
+}
+
+#[test]
+fn what_has_no_ideal_is_named() {
+    let mut card = Card::with_tables();
+    let scene = Scene::new(card.load(&slope([4, 4, 4], &mut Chance::new(79))));
+    let lit = Scene { illumination: LIT, ..scene.clone() };
+    let blend = BlendMode::Maximum;
+    let format = Scene { blend, ..scene.clone() }.wide_format();
+    let cursor_only = Scene { blend, format, accumulators: Some(0), cursor_only: true, ..scene };
+    for (scene, field) in [(lit, material::DIFFUSE), (cursor_only, output::CURSOR_ONLY)] {
+        let task = card.task(&scene).unwrap();
+        let refused = ideal::frame::scene(&task, SharedView::of(&mut card.voxels)).err();
+        assert_eq!(refused, Some(Fault::new(FaultCode::NotServed, field)));
+    }
 }
 
 #[test]
