@@ -98,7 +98,12 @@ impl ValueMapping {
     /// The data value that an entry of the card's lookup table (0..=4095) stands for.
     #[must_use]
     pub fn value(&self, entry: u16) -> f64 {
-        let entry = f64::from(entry);
+        self.value_between(f64::from(entry))
+    }
+
+    /// As [`Self::value`], between entries as well.
+    #[must_use]
+    pub fn value_between(&self, entry: f64) -> f64 {
         let [low, high] = self.range;
         let width = high - low;
         match (self.is_scaled, self.format) {
