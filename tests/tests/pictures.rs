@@ -132,6 +132,23 @@ fn a_volume_beyond_256_voxels_is_refused_by_its_size() {
     assert!(message.contains("448"), "{message}");
 }
 
+/// The ideal renderer's picture is the judge's but for its rounding: half a step of 8 bits before the warp and half
+/// after it, at most 1 anywhere; and the card's is near it.
+#[test]
+fn ideal_projections_agree() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = awkward_phantom(folder.path());
+    let volume = file::open(&path, &mut |_, _| {}).unwrap();
+    let view = [30.0, 20.0];
+    let arguments = ["--blend", "mip", "--azimuth", "30", "--elevation", "20", "--renderer", "ideal"];
+    let ideal = picture(&path, &arguments);
+    let judged = judge(&volume, view);
+    let worst = ideal.iter().zip(&judged).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    println!("largest difference {worst:.3} of 255");
+    assert!(worst <= 1.01, "{worst}");
+    assert!(root_mean_square_error(&picture(&path, &arguments[..6]), &ideal) <= 1.0);
+}
+
 /// After a change that is meant to change pictures: make it anew with the README's command, and look at it.
 #[test]
 fn the_picture_of_the_readme_is_what_the_program_makes() {

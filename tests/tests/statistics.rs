@@ -55,6 +55,13 @@ fn supersampling_counts_every_sub_sample() {
 }
 
 #[test]
+fn the_ideal_renderer_says_that_it_is() {
+    let [card, ideal] = [&["--frames", "1"], &["--renderer", "ideal"]].map(|arguments| statistics(arguments));
+    assert_eq!((&card["renderer"], &ideal["renderer"]), (&"reference".into(), &"ideal".into()));
+    assert_eq!((&card["samples"], &card["base_plane"]), (&ideal["samples"], &ideal["base_plane"]));
+}
+
+#[test]
 fn frames_are_listed_and_their_median_is_given() {
     let statistics = statistics(&["--frames", "5"]);
     let mut times: Vec<f64> =

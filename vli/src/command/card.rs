@@ -2,16 +2,96 @@
 
 use super::arguments::{Architecture, Card as CardArguments, RendererName, Simd};
 use super::error::Error;
-use crate::Board;
+use super::input::Loaded;
+use crate::transfer::TransferFunction;
+use crate::{BasePlane, Board, Context};
 use std::path::Path;
 use std::time::Duration;
-use volumepro_driver::{self as driver, Card, CardInfo, VfioUser};
+use volumepro_driver::{Card, CardInfo, VfioUser};
 
 /// How long the card may take to answer a message.
 const ANSWER: Duration = Duration::from_secs(20);
 
+/// What renders: a card, or the ideal renderer, which has none.
+pub enum Target {
+    /// A card.
+    Board(Box<Board>),
+    /// The ideal renderer, with its transfer function of data values.
+    Ideal(TransferFunction),
+}
+
+/// What renders, in the words of the command line.
+pub struct Description {
+    /// Which renderer.
+    pub renderer: String,
+    /// Which architecture.
+    pub architecture: String,
+    /// Vector instructions that it uses.
+    pub simd: String,
+    /// Threads that it uses.
+    pub threads: u32,
+}
+
+impl Target {
+    /// Opens what the arguments name.
+    pub fn open(arguments: &CardArguments, transfer: TransferFunction) -> Result<Self, Error> {
+        if arguments.renderer == Some(RendererName::Ideal) {
+            return Ok(Self::Ideal(transfer));
+        }
+        Ok(Self::Board(Box::new(open(arguments)?)))
+    }
+
+    /// Brings the volume to where it is rendered.
+    pub fn load(&mut self, loaded: &Loaded) -> Result<(), Error> {
+        match self {
+            Self::Board(board) => Ok(board.load(&loaded.volume)?),
+            Self::Ideal(_) => Ok(()),
+        }
+    }
+
+    /// Renders a frame.
+    pub fn render(&mut self, context: &Context, loaded: &Loaded) -> Result<BasePlane, Error> {
+        match self {
+            Self::Board(board) => Ok(board.render(context, &loaded.volume)?),
+            Self::Ideal(transfer) => ideal(context, loaded, transfer),
+        }
+    }
+
+    /// What renders.
+    pub fn describe(&self) -> Description {
+        match self {
+            Self::Board(board) => {
+                let info = board.card().info();
+                Description {
+                    renderer: info.renderer.to_string(),
+                    architecture: info.architecture.to_string(),
+                    simd: info.simd.to_string(),
+                    threads: info.threads,
+                }
+            }
+            Self::Ideal(_) => Description {
+                renderer: renderer(RendererName::Ideal),
+                architecture: architecture(Architecture::Vg500),
+                simd: "portable".into(),
+                threads: std::thread::available_parallelism().map_or(1, |threads| threads.get() as u32),
+            },
+        }
+    }
+}
+
+#[cfg(feature = "embedded")]
+fn ideal(context: &Context, loaded: &Loaded, transfer: &TransferFunction) -> Result<BasePlane, Error> {
+    let transfer = |entry: f64| transfer.at(loaded.mapping.value_between(entry));
+    Ok(crate::ideal::render(context, &loaded.volume, &transfer)?)
+}
+
+#[cfg(not(feature = "embedded"))]
+fn ideal(_: &Context, _: &Loaded, _: &TransferFunction) -> Result<BasePlane, Error> {
+    Err(Error::input("--renderer ideal: this program was built without render engine"))
+}
+
 /// Opens the card that the arguments name and checks that it is what they ask for.
-pub fn open(arguments: &CardArguments) -> Result<Board, Error> {
+fn open(arguments: &CardArguments) -> Result<Board, Error> {
     let device = arguments.device.as_str();
     let board = if device == "embedded" {
         embedded()?
@@ -76,9 +156,4 @@ fn simd(level: Simd) -> Option<String> {
         Simd::Avx2 => Some("avx2".into()),
         Simd::Portable => Some("portable".into()),
     }
-}
-
-/// What the driver says of the card, for statistics.
-pub fn describe(info: &driver::CardInfo) -> [String; 3] {
-    [info.renderer.to_string(), info.architecture.to_string(), info.simd.to_string()]
 }

@@ -1,14 +1,15 @@
 //! `volumepro render`.
 
-use super::arguments::{Render, RendererName};
+use super::arguments::Render;
+use super::card::{Description, Target};
 use super::error::Error;
 use super::input::Loaded;
 use super::progress::{Busy, Progress};
 use super::statistics::{Statistics, milliseconds, times};
-use super::{card, explain, look, view};
+use super::{explain, look, view};
 use crate::geometry::{Camera, ImageSize};
 use crate::warp::{Background, BasePlanePixels, warp};
-use crate::{BasePlane, Board, Context, FrameReport};
+use crate::{BasePlane, Context, FrameReport};
 use image::ColorType;
 use std::path::Path;
 use std::time::Instant;
@@ -27,17 +28,14 @@ pub fn run(arguments: &Render) -> Result<(), Error> {
     if context.sections {
         return Err(Error::input("--sections: the card does not work section by section yet"));
     }
-    if arguments.card.renderer == Some(RendererName::Ideal) {
-        return Err(Error::input("--renderer ideal: not served yet"));
-    }
     // What the card cannot render is said before a card is opened.
     context.shear_warp(&loaded.volume)?;
-    let mut board = card::open(&arguments.card)?;
+    let mut target = Target::open(&arguments.card, transfer.function.clone())?;
     eprintln!("{}", loaded.mapping);
     if let Some(preset) = transfer.preset {
         eprintln!("preset {preset}");
     }
-    let base_plane = render(arguments, &loaded, &context, &mut board)?;
+    let base_plane = render(arguments, &loaded, &context, &mut target)?;
     save(&base_plane, &camera, size, arguments)
 }
 
@@ -58,21 +56,21 @@ fn render(
     arguments: &Render,
     loaded: &Loaded,
     context: &Context,
-    board: &mut Board,
+    target: &mut Target,
 ) -> Result<BasePlane, Error> {
     let started = Instant::now();
-    board.load(&loaded.volume)?;
+    target.load(loaded)?;
     let upload = started.elapsed();
     let mut reports: Vec<FrameReport> = Vec::new();
     let mut last = {
         let _busy = Busy::new("rendering");
-        board.render(context, &loaded.volume)?
+        target.render(context, loaded)?
     };
     reports.push(last.report);
     let mut progress = Progress::new("rendering");
     for frame in 1..arguments.frames {
         progress.update(frame.into(), arguments.frames.into());
-        last = board.render(context, &loaded.volume)?;
+        last = target.render(context, loaded)?;
         reports.push(last.report);
     }
     drop(progress);
@@ -80,8 +78,7 @@ fn render(
         explain::explain(&last.report).iter().for_each(|line| eprintln!("{line}"));
     }
     if let Some(format) = arguments.stats {
-        let info = board.card().info();
-        let [renderer, architecture, simd] = card::describe(info);
+        let Description { renderer, architecture, simd, threads } = target.describe();
         let (render_ms, render_ms_all) = times(&reports, |report| report.engine_time);
         let (frame_ms, frame_ms_all) = times(&reports, |report| report.frame_time);
         let statistics = Statistics {
@@ -98,7 +95,7 @@ fn render(
             renderer,
             architecture,
             simd,
-            threads: info.threads,
+            threads,
             modelled_cycles: last.report.cycles,
         };
         statistics.print(format)?;
