@@ -134,6 +134,12 @@ fn arguments_that_are_wrong() {
         (vec!["--sections"], "--sections"),
         (vec!["--explain=time"], "--explain=time"),
         (vec!["--frames", "0"], "--frames"),
+        (vec!["--supersample", "-1,1,1"], "supersampl"),
+        (vec!["--background", "-1,0,0"], "0..255"),
+        (vec!["--material", "-1,0,0,0"], "--material"),
+        (vec!["--raw-shape", "2,2,2", "--raw-type", "uint8"], "--raw-shape"),
+        (vec!["--renderer", "ideal", "--device", "nonsense"], "ideal"),
+        (vec!["--renderer", "ideal", "--threads", "3"], "ideal"),
     ] {
         let all: Vec<&str> = phantom.iter().copied().chain(arguments).collect();
         refused(folder.path(), &all, words);

@@ -129,16 +129,21 @@ pub struct Look {
     #[arg(long, value_name = "X,Y,Z[,I]", allow_hyphen_values = true)]
     pub light: Vec<LightList>,
     /// Emissive, diffuse and specular coefficients 0..1 and specular exponent.
-    #[arg(long, value_name = "KE,KD,KS,EXPONENT", default_value = "0.2,0.9,0.3,24")]
+    #[arg(
+        long,
+        allow_hyphen_values = true,
+        value_name = "KE,KD,KS,EXPONENT",
+        default_value = "0.2,0.9,0.3,24"
+    )]
     pub material: Numbers<4>,
     /// What the gradient magnitude modulates.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub modulate: Vec<Modulated>,
     /// Eight values 0..1 of the modulation at gradient magnitudes from none to the greatest.
-    #[arg(long, value_name = "V0,...,V7")]
+    #[arg(long, allow_hyphen_values = true, value_name = "V0,...,V7")]
     pub gradient_table: Option<Numbers<8>>,
     /// Sub-samples per voxel along permuted x, y and z (z along the view), integers 1..8.
-    #[arg(long, value_name = "X,Y,Z", default_value = "1,1,1")]
+    #[arg(long, allow_hyphen_values = true, value_name = "X,Y,Z", default_value = "1,1,1")]
     pub supersample: Numbers<3>,
     /// Cropping slabs in voxels, bounds inclusive; FLAGS are those of VLICrop (default 0x7).
     #[arg(long, value_name = "X0,X1,Y0,Y1,Z0,Z1[,FLAGS]", allow_hyphen_values = true)]
@@ -150,7 +155,7 @@ pub struct Look {
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub cursor: Option<Numbers<3>>,
     /// Colour behind the volume, 0..255 each, or `transparent`.
-    #[arg(long, value_name = "R,G,B|transparent", default_value = "0,0,0")]
+    #[arg(long, allow_hyphen_values = true, value_name = "R,G,B|transparent", default_value = "0,0,0")]
     pub background: super::lists::BackgroundList,
 }
 
@@ -187,7 +192,7 @@ pub struct Input {
     #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
     pub nan: Option<f64>,
     /// Read a file without header: voxels along x, y, z.
-    #[arg(long, value_name = "X,Y,Z", requires = "raw_type")]
+    #[arg(long, allow_hyphen_values = true, value_name = "X,Y,Z", requires = "raw_type")]
     pub raw_shape: Option<Numbers<3>>,
     /// Scalar type of a file without header, as NRRD names it.
     #[arg(long, value_name = "T", requires = "raw_shape")]
@@ -196,7 +201,13 @@ pub struct Input {
     #[arg(long, value_name = "E", requires = "raw_shape", default_value = "little")]
     pub raw_endian: Endian,
     /// Voxel spacing of a file without header, millimetres.
-    #[arg(long, value_name = "X,Y,Z", requires = "raw_shape", default_value = "1,1,1")]
+    #[arg(
+        long,
+        allow_hyphen_values = true,
+        value_name = "X,Y,Z",
+        requires = "raw_shape",
+        default_value = "1,1,1"
+    )]
     pub raw_spacing: Numbers<3>,
 }
 

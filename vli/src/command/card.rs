@@ -36,6 +36,10 @@ impl Target {
     /// Opens what the arguments name.
     pub fn open(arguments: &CardArguments, transfer: TransferFunction) -> Result<Self, Error> {
         if arguments.renderer == Some(RendererName::Ideal) {
+            let cards = arguments.device != "embedded" || arguments.simd.and_then(simd).is_some();
+            if cards || arguments.threads.is_some() {
+                return Err(Error::input("--renderer ideal has no card: no --device, --simd or --threads"));
+            }
             return Ok(Self::Ideal(transfer));
         }
         Ok(Self::Board(Box::new(open(arguments)?)))

@@ -28,6 +28,9 @@ impl Loaded {
         if let Some(path) = &arguments.volume {
             return Self::new(&mut read(path, &arguments.input)?, &arguments.input, None);
         }
+        if arguments.input.raw_shape.is_some() {
+            return Err(Error::input("--raw-shape: the file to read is missing"));
+        }
         let phantom = arguments.phantom.unwrap_or(Phantom::ALL[0]);
         let mut volume = compute(phantom, arguments.phantom_size)?;
         Self::new(&mut volume, &arguments.input, Some(phantom))

@@ -35,8 +35,9 @@ pub fn run(arguments: &Render) -> Result<(), Error> {
     if let Some(preset) = transfer.preset {
         eprintln!("preset {preset}");
     }
-    let base_plane = render(arguments, &loaded, &context, &mut target)?;
-    save(&base_plane, &camera, size, arguments)
+    let (base_plane, statistics) = render(arguments, &loaded, &context, &mut target)?;
+    save(&base_plane, &camera, size, arguments)?;
+    arguments.stats.map_or(Ok(()), |format| statistics.print(format))
 }
 
 /// A picture that cannot be written is refused before anything is computed.
@@ -51,13 +52,13 @@ fn check_output(path: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// Renders all frames on the card, prints what is asked for, and returns the last base plane.
+/// Renders all frames, explains the last one if asked for, and returns its base plane and the statistics of all.
 fn render(
     arguments: &Render,
     loaded: &Loaded,
     context: &Context,
     target: &mut Target,
-) -> Result<BasePlane, Error> {
+) -> Result<(BasePlane, Statistics), Error> {
     let started = Instant::now();
     target.load(loaded)?;
     let upload = started.elapsed();
@@ -77,30 +78,27 @@ fn render(
     if arguments.explain.is_some() {
         explain::explain(&last.report).iter().for_each(|line| eprintln!("{line}"));
     }
-    if let Some(format) = arguments.stats {
-        let Description { renderer, architecture, simd, threads } = target.describe();
-        let (render_ms, render_ms_all) = times(&reports, |report| report.engine_time);
-        let (frame_ms, frame_ms_all) = times(&reports, |report| report.frame_time);
-        let statistics = Statistics {
-            dimensions: loaded.volume.size(),
-            base_plane: last.view.base_plane().size(),
-            samples: last.report.samples,
-            samples_processed: last.report.samples_processed,
-            render_ms,
-            frame_ms,
-            upload_ms: milliseconds(upload),
-            render_ms_all,
-            frame_ms_all,
-            left_out: explain::left_out(&last.report),
-            renderer,
-            architecture,
-            simd,
-            threads,
-            modelled_cycles: last.report.cycles,
-        };
-        statistics.print(format)?;
-    }
-    Ok(last)
+    let Description { renderer, architecture, simd, threads } = target.describe();
+    let (render_ms, render_ms_all) = times(&reports, |report| report.engine_time);
+    let (frame_ms, frame_ms_all) = times(&reports, |report| report.frame_time);
+    let statistics = Statistics {
+        dimensions: loaded.volume.size(),
+        base_plane: last.view.base_plane().size(),
+        samples: last.report.samples,
+        samples_processed: last.report.samples_processed,
+        render_ms,
+        frame_ms,
+        upload_ms: milliseconds(upload),
+        render_ms_all,
+        frame_ms_all,
+        left_out: explain::left_out(&last.report),
+        renderer,
+        architecture,
+        simd,
+        threads,
+        modelled_cycles: last.report.cycles,
+    };
+    Ok((last, statistics))
 }
 
 /// Warps a base plane to the picture and writes it.
