@@ -119,3 +119,50 @@ impl Socket {
         if stop.revents().is_empty() { Ok(()) } else { Err(Ended::Stopped) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::net::UnixStream;
+    use std::time::Duration;
+
+    use super::*;
+
+    fn pair() -> (Socket, Socket, Stop) {
+        let (ours, theirs) = UnixStream::pair().unwrap();
+        let stop = Stop::new().unwrap();
+        (Socket::new(ours.into(), stop.clone()), Socket::new(theirs.into(), stop.clone()), stop)
+    }
+
+    #[test]
+    fn descriptors_past_the_limit_are_closed_and_reported() {
+        let (ours, theirs, _stop) = pair();
+        let (reader, writer) = std::io::pipe().unwrap();
+        let mut descriptors = Descriptors::default();
+        for sent in 1..=MAX_DESCRIPTORS + 2 {
+            theirs.send(&[0], Some(reader.as_fd())).unwrap();
+            ours.receive(&mut [9], &mut descriptors).unwrap();
+            assert_eq!(descriptors.taken.len(), sent.min(MAX_DESCRIPTORS));
+            assert_eq!(descriptors.surplus, sent > MAX_DESCRIPTORS);
+        }
+        drop((reader, descriptors));
+        let broken = std::io::Write::write(&mut &writer, &[0]).unwrap_err();
+        assert_eq!(broken.kind(), std::io::ErrorKind::BrokenPipe);
+    }
+
+    #[test]
+    fn stopping_wakes_who_waits_on_either_side() {
+        let (ours, theirs, stop) = pair();
+        std::thread::scope(|scope| {
+            let receiver = scope.spawn(|| ours.receive(&mut [0], &mut Descriptors::default()));
+            // Nobody takes so much.
+            let sender = scope.spawn(|| ours.send(&vec![0; 64 << 20], None));
+            std::thread::sleep(Duration::from_millis(20));
+            stop.request();
+            assert_eq!(
+                (receiver.join().unwrap(), sender.join().unwrap()),
+                (Err(Ended::Stopped), Err(Ended::Stopped))
+            );
+        });
+        drop(theirs);
+    }
+}
