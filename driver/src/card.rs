@@ -16,6 +16,7 @@ use crate::pool::Pool;
 use crate::promise::Promises;
 use crate::status::Status;
 use crate::tables::Tables;
+use crate::transfer::TRANSFER_WORDS;
 use crate::transport::{HostMemory, Transport};
 use crate::{Error, lock};
 
@@ -23,8 +24,10 @@ use crate::{Error, lock};
 pub(crate) mod command {
     /// Byte offset in the configuration space.
     pub(crate) const OFFSET: u16 = 4;
+    /// The card may reach host memory.
+    pub(crate) const BUS_MASTER: u16 = 1 << 2;
     /// Memory space and bus master.
-    pub(crate) const ENABLED: u16 = 1 << 1 | 1 << 2;
+    pub(crate) const ENABLED: u16 = 1 << 1 | BUS_MASTER;
 }
 
 /// How long calls wait for frames in their way, unless told otherwise.
@@ -55,6 +58,8 @@ pub(crate) struct State {
     pub(crate) transferred: u32,
     /// How often the card was reset, which cancels transfers without a word.
     pub(crate) resets: u32,
+    /// What the registers from `TRANSFER_ADDRESS_LOW` on hold, unless that is not known.
+    pub(crate) transfer_words: Option<[u32; TRANSFER_WORDS]>,
 }
 
 /// An open card. All methods may be called from several threads at once.
@@ -69,6 +74,8 @@ pub struct Card {
     pub(crate) patience: Duration,
     pub(crate) interrupts: Interrupts,
     pub(crate) status: Status,
+    /// Where pixels arrive that are fetched by bus mastering.
+    pub(crate) arrivals: Mutex<Option<Box<dyn HostMemory>>>,
     pub(crate) transport: Box<dyn Transport>,
     info: CardInfo,
 }
@@ -104,6 +111,7 @@ impl Card {
             patience: PATIENCE,
             interrupts,
             status,
+            arrivals: Mutex::default(),
             transport,
             info,
         })
@@ -119,6 +127,24 @@ impl Card {
     #[must_use]
     pub fn info(&self) -> &CardInfo {
         &self.info
+    }
+
+    /// Which way leads to which card; for people.
+    #[must_use]
+    pub fn description(&self) -> String {
+        self.transport.description()
+    }
+
+    /// The way to the card, for programs that test it. What they do there the driver does not know of.
+    #[must_use]
+    pub fn transport(&self) -> &dyn Transport {
+        &*self.transport
+    }
+
+    /// Interrupts so far, of each vector; several of a vector that come together may count as one.
+    #[must_use]
+    pub fn interrupt_counts(&self) -> Vec<u64> {
+        self.interrupts.counts()
     }
 
     /// How the driver learns that a command has ended.
@@ -146,6 +172,7 @@ impl Card {
         state.shadow = FrameRegisters::default();
         state.tables = Tables::default();
         state.promises = Promises::default();
+        state.transfer_words = None;
         state.slots.cancel_all();
         state.resets = state.resets.wrapping_add(1);
         Ok(())
@@ -178,6 +205,9 @@ impl Card {
     ///
     /// If there is not that much, or no way for the card to reach it.
     pub fn host_memory(&self, bytes: usize) -> Result<Box<dyn HostMemory>, Error> {
+        if !self.status.copied() {
+            return Err(Error::NotSupported { what: "host memory that the card reaches" });
+        }
         self.transport.host_memory(bytes)
     }
 

@@ -1,13 +1,15 @@
 //! What can go wrong, and where.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use vg500_regs::Fault;
 use vg500_regs::memory::Table;
 use vg500_regs::pci::Bar;
 use vg500_regs::shared::OutOfRange;
+
+use crate::transport::PciAddress;
 
 /// Everything that the driver reports. Messages are one line and name what and where.
 #[derive(Debug, thiserror::Error)]
@@ -26,6 +28,73 @@ pub enum Error {
         path: PathBuf,
         /// What happened.
         cause: String,
+    },
+    /// What should be the address of a PCI function is none.
+    #[error("PCI address '{text}' is none of 0000:00:05.0, 00:05.0, auto")]
+    PciAddress {
+        /// What it is.
+        text: String,
+    },
+    /// There is no card among the PCI functions.
+    #[error("no VolumePro 500 (1067:1002 or 10ba:1002) among the PCI devices in {}", folder.display())]
+    NoCard {
+        /// Where PCI functions are listed.
+        folder: PathBuf,
+    },
+    /// Nothing is at a PCI address.
+    #[error("no PCI device at {address} in {}", folder.display())]
+    NoPciDevice {
+        /// Where the card should be.
+        address: PciAddress,
+        /// Where PCI functions are listed.
+        folder: PathBuf,
+    },
+    /// A driver of the kernel has the card.
+    #[error("the card at {address} is bound to driver {driver}: unbind it, or bind it to vfio-pci")]
+    OtherDriver {
+        /// Where the card is.
+        address: PciAddress,
+        /// The driver's name.
+        driver: String,
+    },
+    /// vfio-pci has the card, but nothing translates its addresses.
+    #[error(
+        "no IOMMU for the card at {address}: start the machine with one (intel_iommu=on), or unbind vfio-pci"
+    )]
+    NoIommu {
+        /// Where the card is.
+        address: PciAddress,
+    },
+    /// Other functions that the IOMMU cannot tell from the card are in use by the kernel.
+    #[error("IOMMU group {group} of the card has other devices: bind them to vfio-pci, too, or unbind them")]
+    SharedGroup {
+        /// The group's number.
+        group: String,
+    },
+    /// Another process has opened the card.
+    #[error("the card at {address} is in use by another process")]
+    InUse {
+        /// Where the card is.
+        address: PciAddress,
+    },
+    /// The card's status does not arrive in host memory.
+    #[error(
+        "the card does not reach host memory within {timeout:?}: in a virtual machine, guest memory must be \
+         shared with the device (memory-backend-memfd with share=on)"
+    )]
+    HostMemoryUnreached {
+        /// How long the driver waited.
+        timeout: Duration,
+    },
+    /// A file could not be used.
+    #[error("{what} {}: {cause}", path.display())]
+    File {
+        /// What the driver was doing.
+        what: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// The system's answer.
+        cause: io::Error,
     },
     /// The operating system refused something.
     #[error("{what}: {cause}")]
@@ -256,7 +325,10 @@ pub enum Error {
         what: String,
     },
     /// The frame ended, and a later one has been submitted on its base plane since.
-    #[error("what became of a frame is no longer known: base plane {place} has been rendered again since")]
+    #[error(
+        "what became of a frame is no longer known: base plane {place} has been rendered again, or the card \
+             reset, since"
+    )]
     StaleTicket {
         /// The first 32-bit base plane that the frame covers.
         place: u32,
@@ -264,4 +336,11 @@ pub enum Error {
     /// An access outside of a memory; a defect of the driver.
     #[error(transparent)]
     Outside(#[from] OutOfRange),
+}
+
+impl Error {
+    /// A file could not be used.
+    pub(crate) fn file(what: &'static str, path: &Path, cause: io::Error) -> Self {
+        Self::File { what, path: path.to_owned(), cause }
+    }
 }

@@ -28,6 +28,8 @@ pub(crate) struct Setup {
     pub(crate) bursts: bool,
     pub(crate) host_memory: bool,
     pub(crate) reaches_host_memory: bool,
+    pub(crate) needs_host_memory: bool,
+    pub(crate) memory_is_remote: bool,
     pub(crate) interrupts: bool,
 }
 
@@ -45,6 +47,8 @@ impl Default for Setup {
             bursts: true,
             host_memory: true,
             reaches_host_memory: true,
+            needs_host_memory: false,
+            memory_is_remote: false,
             interrupts: true,
         }
     }
@@ -267,6 +271,14 @@ impl Transport for Arc<FakeCard> {
         let event = eventfd(0, EventfdFlags::NONBLOCK).unwrap();
         self.alive()?.events.push(event.try_clone().unwrap());
         Ok(vec![event])
+    }
+
+    fn memory_is_remote(&self) -> bool {
+        self.setup.memory_is_remote
+    }
+
+    fn needs_host_memory(&self) -> bool {
+        self.setup.needs_host_memory
     }
 
     fn reset(&self) -> Result<(), Error> {

@@ -26,6 +26,8 @@ pub(crate) struct Slot {
     /// Number of frames that were submitted here. The last 16 bits are the frame's tag.
     number: u64,
     progress: Progress,
+    /// Whether the card was reset since, which wipes the report.
+    wiped: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -35,7 +37,7 @@ enum Progress {
 }
 
 impl Slot {
-    const EMPTY: Self = Self { number: 0, progress: Progress::Ended(Ok(())) };
+    const EMPTY: Self = Self { number: 0, progress: Progress::Ended(Ok(())), wiped: true };
 
     /// Number of the frame.
     pub(crate) fn number(&self) -> u64 {
@@ -58,9 +60,14 @@ impl Slot {
         }
     }
 
+    /// Whether a reset has wiped the frame's report.
+    pub(crate) fn wiped(&self) -> bool {
+        self.wiped
+    }
+
     /// A frame with the next number has been started.
     pub(crate) fn start(&mut self, flight: Flight) {
-        *self = Self { number: self.number + 1, progress: Progress::Running(flight) };
+        *self = Self { number: self.number + 1, progress: Progress::Running(flight), wiped: false };
     }
 }
 
@@ -99,8 +106,11 @@ impl Slots {
     /// The card was reset.
     pub(crate) fn cancel_all(&mut self) {
         let cancelled = Fault::new(FaultCode::Cancelled, reset::KEY);
-        for slot in self.0.iter_mut().filter(|slot| slot.flight().is_some()) {
-            slot.progress = Progress::Ended(Err(cancelled));
+        for slot in &mut self.0 {
+            slot.wiped = true;
+            if slot.flight().is_some() {
+                slot.progress = Progress::Ended(Err(cancelled));
+            }
         }
     }
 }

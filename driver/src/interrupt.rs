@@ -24,8 +24,8 @@ pub(crate) struct Interrupts {
 
 #[derive(Debug, Default)]
 struct Watch {
-    /// Number of interrupts seen.
-    seen: u64,
+    /// Interrupts seen, of each vector.
+    seen: Vec<u64>,
     /// Whether a thread watches the descriptors.
     manned: bool,
 }
@@ -33,7 +33,8 @@ struct Watch {
 impl Interrupts {
     /// Interrupts that arrive at `events`; with none of them waiting is polling.
     pub(crate) fn new(events: Vec<OwnedFd>) -> Self {
-        Self { events, watch: Mutex::default(), changed: Condvar::new() }
+        let watch = Watch { seen: vec![0; events.len()], manned: false };
+        Self { events, watch: Mutex::new(watch), changed: Condvar::new() }
     }
 
     /// Whether there are interrupts.
@@ -44,7 +45,14 @@ impl Interrupts {
     /// Number of interrupts so far. Whoever takes it before looking at the card, and hands it to
     /// [`wait`](Self::wait) afterwards, misses none.
     pub(crate) fn seen(&self) -> u64 {
-        lock(&self.watch).seen
+        lock(&self.watch).total()
+    }
+
+    /// Number of interrupts of each vector so far.
+    pub(crate) fn counts(&self) -> Vec<u64> {
+        let mut watch = lock(&self.watch);
+        watch.take(&self.events);
+        watch.seen.clone()
     }
 
     /// Waits until there was an interrupt after the first `seen`, a while at most; `left` is the longest that
@@ -55,7 +63,7 @@ impl Interrupts {
             return thread::sleep((waited / 8).clamp(POLL_PAUSE.0, POLL_PAUSE.1).min(left));
         }
         let mut watch = lock(&self.watch);
-        if watch.seen != seen {
+        if watch.total() != seen {
             return;
         }
         let sleep = left.min(LONGEST_SLEEP);
@@ -65,30 +73,42 @@ impl Interrupts {
         }
         watch.manned = true;
         drop(watch);
-        let any = wait_for_any(&self.events, sleep);
+        wait_for_any(&self.events, sleep);
         let mut watch = lock(&self.watch);
         watch.manned = false;
-        watch.seen += u64::from(any);
+        watch.take(&self.events);
         drop(watch);
         // Another waiter takes over the watch.
         self.changed.notify_all();
     }
 }
 
-/// Waits until one of the non-blocking event descriptors is signalled, and clears all that are. Returns whether
-/// one was.
+impl Watch {
+    fn total(&self) -> u64 {
+        self.seen.iter().sum()
+    }
+
+    /// Adds what the descriptors have counted.
+    fn take(&mut self, events: &[OwnedFd]) {
+        self.seen.iter_mut().zip(events).for_each(|(seen, event)| *seen += take(event));
+    }
+}
+
+/// What a non-blocking event descriptor has counted since it was asked last.
+pub(crate) fn take(event: &OwnedFd) -> u64 {
+    let mut counter = [0; 8];
+    // A descriptor without a signal has nothing to read, and says so at once.
+    rustix::io::read(event, &mut counter).map_or(0, |_| u64::from_ne_bytes(counter))
+}
+
+/// Waits until one of the event descriptors is signalled. Returns whether one was.
 pub(crate) fn wait_for_any(events: &[OwnedFd], longest: Duration) -> bool {
     let mut polled: Vec<_> = events.iter().map(|event| PollFd::new(event, PollFlags::IN)).collect();
     let longest = Timespec {
         tv_sec: i64::try_from(longest.as_secs()).unwrap_or(i64::MAX),
         tv_nsec: longest.subsec_nanos().into(),
     };
-    if !matches!(poll(&mut polled, Some(&longest)), Ok(1..)) {
-        return false;
-    }
-    let mut counter = [0; 8];
-    // Descriptors without a signal have nothing to read, and say so at once.
-    events.iter().filter(|event| rustix::io::read(event, &mut counter).is_ok()).count() > 0
+    matches!(poll(&mut polled, Some(&longest)), Ok(1..))
 }
 
 #[cfg(test)]
@@ -121,6 +141,10 @@ mod tests {
         signal(&interrupts.events[1]);
         interrupts.wait(seen, Duration::from_secs(9), Duration::ZERO);
         assert_eq!(interrupts.seen(), seen + 1);
+        signal(&interrupts.events[0]);
+        signal(&interrupts.events[1]);
+        signal(&interrupts.events[1]);
+        assert_eq!(interrupts.counts(), [1, 3]);
         let start = Instant::now();
         (0..1000).for_each(|_| interrupts.wait(seen, Duration::from_secs(9), Duration::ZERO));
         assert!(start.elapsed() < 500 * LONGEST_SLEEP, "the interrupt was seen by another thread meanwhile");

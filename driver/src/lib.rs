@@ -5,7 +5,8 @@
 //! * voxels: [`Card::allocate_volume`], [`Card::upload`], [`Card::download`],
 //! * tables: [`Card::load_table`],
 //! * frames: [`Card::allocate_plane`], [`Card::submit`], [`Card::wait`], [`Card::report`],
-//! * pixels: [`Card::read_pixels`], or by bus mastering [`Card::transfer`].
+//! * pixels: [`Card::fetch_pixels`], or through the mapping [`Card::read_pixels`], or by bus mastering and
+//!   converted [`Card::transfer`].
 //!
 //! A frame is described by [`FrameRegisters`](vg500_regs::FrameRegisters); the driver compares them with its
 //! shadow of the card's registers and writes only what changed. It never reads a write-only register, never
@@ -46,7 +47,7 @@ pub use plane::{BasePlane, Rectangle};
 pub use report::Report;
 pub use tables::TableContent;
 pub use transport::vfio_user::{MESSAGE_TIMEOUT, PrivateSocket, VfioUser};
-pub use transport::{HostMemory, Transport};
+pub use transport::{HostMemory, PciAddress, PciCard, PciSelector, Transport};
 pub use upload::Voxel;
 
 /// The value in a lock, also after a panic elsewhere: every holder leaves it consistent.

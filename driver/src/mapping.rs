@@ -7,7 +7,10 @@ use std::ptr::NonNull;
 use memmap2::{MmapOptions, MmapRaw};
 use vg500_regs::SharedView;
 
-/// A mapped range of a file.
+/// Bytes of a huge page.
+pub(crate) const HUGE_PAGE: usize = 2 << 20;
+
+/// A mapped range of a file or device, or anonymous memory.
 #[derive(Debug)]
 pub(crate) struct Mapping(MmapRaw);
 
@@ -23,10 +26,26 @@ impl Mapping {
         MmapOptions::new().offset(offset).len(length).map_raw(file).map(Self)
     }
 
+    /// Maps `size` bytes at `offset` of a device, which vouches for the range.
+    pub(crate) fn of_device(device: &File, offset: u64, size: u64) -> io::Result<Self> {
+        let length = usize::try_from(size).map_err(|_| io::ErrorKind::OutOfMemory)?;
+        MmapOptions::new().offset(offset).len(length).map_raw(device).map(Self)
+    }
+
+    /// Memory of this process, zeroed and present; of huge pages if asked for, then a multiple of [`HUGE_PAGE`].
+    pub(crate) fn anonymous(size: usize, huge: bool) -> io::Result<Self> {
+        let mut options = MmapOptions::new();
+        options.len(size).populate();
+        if huge {
+            options.huge(Some(HUGE_PAGE.trailing_zeros() as u8));
+        }
+        options.map_anon().map(|memory| Self(memory.into()))
+    }
+
     /// Access to the bytes.
     pub(crate) fn view(&self) -> SharedView<'_> {
         let start = NonNull::new(self.0.as_mut_ptr()).unwrap_or(NonNull::dangling());
-        // SAFETY: the range is mapped readable and writable as long as `self` lives, lies inside its file, and
+        // SAFETY: the range is mapped readable and writable as long as `self` lives, is backed, and
         // nothing makes references to it. A mapping never starts at null.
         unsafe { SharedView::new(start, self.0.len()) }
     }

@@ -3,10 +3,10 @@
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
-use vg500_regs::PlaneFormat;
 use vg500_regs::limit::BASE_PLANE_SIZE;
-use vg500_regs::memory::{covered_planes, plane_offset, planes};
+use vg500_regs::memory::{covered_planes, plane_bytes, plane_offset, plane_pitch, planes};
 use vg500_regs::pci::PIXEL_MEMORY;
+use vg500_regs::{PixelFormat, PlaneFormat};
 
 use crate::status::Source;
 use crate::{Card, Error, lock};
@@ -126,6 +126,39 @@ impl Card {
         let mut pixels = vec![0; row_bytes * rectangle.height as usize];
         for (row, bytes) in (rectangle.row..).zip(pixels.chunks_exact_mut(row_bytes)) {
             memory.read(plane_offset(plane.format, plane.index, rectangle.column, row), bytes)?;
+        }
+        Ok(pixels)
+    }
+
+    /// Copies a rectangle of a base plane into this process, as [`read_pixels`](Self::read_pixels) does, by the
+    /// fastest way: by bus mastering if the card is behind a bus that it can master.
+    ///
+    /// # Errors
+    ///
+    /// As [`read_pixels`](Self::read_pixels) and [`transfer`](Self::transfer).
+    pub fn fetch_pixels(&self, plane: &BasePlane, rectangle: Rectangle) -> Result<Vec<u8>, Error> {
+        let converts = plane.format == PlaneFormat::Rgba8;
+        if !(converts && self.transport.memory_is_remote() && self.status.copied()) {
+            return self.read_pixels(plane, rectangle);
+        }
+        let mut arrivals = lock(&self.arrivals);
+        let buffer = match arrivals.take() {
+            Some(buffer) => buffer,
+            None => match self.host_memory(plane_bytes(plane.format)) {
+                Ok(buffer) => buffer,
+                Err(Error::NotSupported { .. }) => return self.read_pixels(plane, rectangle),
+                Err(error) => return Err(error),
+            },
+        };
+        let buffer = arrivals.insert(buffer);
+        rectangle.check()?;
+        // Rows as far apart as in the base plane, so that the pitch never changes.
+        let pitch = plane_pitch(plane.format);
+        self.transfer(plane, rectangle, PixelFormat::Rgba8, &**buffer, 0, pitch as u32)?;
+        let row_bytes = rectangle.width as usize * plane.format.bytes();
+        let mut pixels = vec![0; row_bytes * rectangle.height as usize];
+        for (row, bytes) in pixels.chunks_exact_mut(row_bytes).enumerate() {
+            buffer.view().read(row * pitch, bytes)?;
         }
         Ok(pixels)
     }

@@ -2,10 +2,14 @@
 
 use std::time::Duration;
 
-use vg500_regs::table::{report_checksum, report_omitted, report_samples_low, report_tag};
+use vg500_regs::limit::{BASE_PLANE_SIZE, SUPERSAMPLING, VOLUME_SIZE};
+use vg500_regs::table::{
+    report_checksum, report_cycles_high, report_omitted, report_processed_high, report_samples_high,
+    report_samples_low,
+};
 
 use crate::status::Source;
-use crate::{Card, Error, Ticket};
+use crate::{Card, Error, Ticket, lock};
 
 /// What the card reports about a frame that has ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,6 +41,22 @@ impl Report {
     }
 }
 
+/// Words from the first on that no frame fills: fewer than 2^32 samples and cycles are possible.
+const ALWAYS_ZERO: [u32; 3] = {
+    let first = report_samples_low::REGISTER.offset;
+    [
+        report_samples_high::REGISTER.offset - first,
+        report_processed_high::REGISTER.offset - first,
+        report_cycles_high::REGISTER.offset - first,
+    ]
+};
+const _: () = {
+    let rays = (BASE_PLANE_SIZE as u64).pow(2);
+    let voxels = (VOLUME_SIZE as u64).pow(3);
+    let samples = VOLUME_SIZE as u64 * SUPERSAMPLING as u64;
+    assert!(rays * samples <= u32::MAX as u64 && voxels * SUPERSAMPLING as u64 <= u32::MAX as u64);
+};
+
 const WORDS: usize =
     (report_checksum::REGISTER.offset - report_samples_low::REGISTER.offset) as usize / 4 + 1;
 
@@ -50,10 +70,10 @@ impl Card {
         if self.outcome(ticket, Source::Copy)?.is_none() {
             return Err(Error::NotEnded { what: ticket.name() });
         }
-        let mut words = [0; WORDS];
-        self.transport.read_registers(report_samples_low::REGISTER.at(ticket.place), &mut words)?;
-        let tag = self.transport.read_register(report_tag::REGISTER.at(ticket.place))?;
-        if report_tag::TAG.get(tag) != u32::from(ticket.tag()) {
+        let words = self.report_words(report_samples_low::REGISTER.at(ticket.place))?;
+        // The report is this frame's if meanwhile no other has been submitted and the card has not been reset.
+        self.outcome(ticket, Source::Copy)?;
+        if lock(&self.state).slots.at(ticket.place).wiped() {
             return Err(Error::StaleTicket { place: ticket.place });
         }
         let [s0, s1, p0, p1, t0, t1, c0, c1, omitted, empty, finished, checksum] = words;
@@ -68,5 +88,20 @@ impl Card {
             finished,
             checksum,
         })
+    }
+
+    /// The words of a report from its first on; those that are always zero are not read if that saves anything.
+    fn report_words(&self, first: u32) -> Result<[u32; WORDS], Error> {
+        let mut words = [0; WORDS];
+        if self.transport.bursts() {
+            self.transport.read_registers(first, &mut words)?;
+            return Ok(words);
+        }
+        for (offset, word) in (first..).step_by(4).zip(&mut words) {
+            if !ALWAYS_ZERO.contains(&(offset - first)) {
+                *word = self.transport.read_register(offset)?;
+            }
+        }
+        Ok(words)
     }
 }

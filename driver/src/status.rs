@@ -14,7 +14,7 @@ use crate::Error;
 use crate::transport::{HostMemory, Transport};
 
 /// How long the card may take for the first copy of its status.
-const FIRST_COPY: Duration = Duration::from_secs(1);
+const FIRST_COPY: Duration = Duration::from_secs(3);
 
 /// How a command ended.
 pub(crate) type Outcome = Result<(), Fault>;
@@ -40,7 +40,10 @@ impl Status {
     pub(crate) fn new(transport: &dyn Transport) -> Result<Self, Error> {
         match transport.host_memory(STATUS_BLOCK) {
             Ok(copy) => Ok(Self { copy: Some(copy), alive: AtomicBool::new(false) }),
-            Err(Error::NotSupported { .. }) => Ok(Self { copy: None, alive: AtomicBool::new(false) }),
+            Err(error @ Error::NotSupported { .. }) if !transport.needs_host_memory() => {
+                tracing::info!(%error, "the card's status is read from registers");
+                Ok(Self { copy: None, alive: AtomicBool::new(false) })
+            }
             Err(error) => Err(error),
         }
     }
@@ -69,6 +72,9 @@ impl Status {
         )?;
         let arrives = self.arrives()?;
         self.alive.store(arrives, Ordering::Relaxed);
+        if self.copy.is_some() && !arrives && transport.needs_host_memory() {
+            return Err(Error::HostMemoryUnreached { timeout: FIRST_COPY });
+        }
         if self.copy.is_some() && !arrives {
             tracing::warn!("the card does not reach host memory, its status is read from registers");
             transport.write_registers(status_control::REGISTER.offset, &[0])?;

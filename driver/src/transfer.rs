@@ -12,6 +12,10 @@ use crate::status::{Outcome, Source};
 use crate::transport::HostMemory;
 use crate::{BasePlane, Card, Error, Rectangle, lock};
 
+/// Registers of a transfer, its command the last.
+pub(crate) const TRANSFER_WORDS: usize =
+    (transfer::REGISTER.offset - transfer_address_low::REGISTER.offset) as usize / 4 + 1;
+
 impl Card {
     /// Has the card convert a rectangle of a base plane to a pixel format and write it to host memory, at byte
     /// `offset` of `target` with `pitch` bytes from one row to the next; waits until that is done.
@@ -53,13 +57,34 @@ impl Card {
         ];
         let resets = {
             let mut state = lock(&self.state);
-            self.transport.write_registers(transfer_address_low::REGISTER.offset, &words)?;
+            self.write_transfer(&mut state.transfer_words, words)?;
             state.transferred = mask(plane.covers());
             state.resets
         };
         let result = self.finish_transfer(tag, resets);
         lock(&self.state).transferred = 0;
         result
+    }
+
+    /// Starts a transfer; writes what changed alone if that saves anything.
+    fn write_transfer(
+        &self,
+        shadow: &mut Option<[u32; TRANSFER_WORDS]>,
+        words: [u32; TRANSFER_WORDS],
+    ) -> Result<(), Error> {
+        let first = transfer_address_low::REGISTER.offset;
+        match shadow.take() {
+            Some(old) if !self.transport.bursts() => {
+                for (offset, (word, old)) in (first..).step_by(4).zip(words.iter().zip(old)) {
+                    if *word != old || offset == transfer::REGISTER.offset {
+                        self.transport.write_registers(offset, &[*word])?;
+                    }
+                }
+            }
+            _ => self.transport.write_registers(first, &words)?,
+        }
+        *shadow = Some(words);
+        Ok(())
     }
 
     fn finish_transfer(&self, tag: u16, resets: u32) -> Result<(), Error> {
@@ -116,6 +141,5 @@ mod tests;
 
 // The registers from the address on are written at once.
 const _: () = assert!(
-    transfer::REGISTER.offset == transfer_address_low::REGISTER.offset + 20
-        && transfer_pitch::REGISTER.offset == transfer_address_low::REGISTER.offset + 8
+    TRANSFER_WORDS == 6 && transfer_pitch::REGISTER.offset == transfer_address_low::REGISTER.offset + 8
 );

@@ -1,6 +1,7 @@
 //! Ways to the card. Everything above is the same for all of them.
 
 mod link;
+mod pci;
 mod private_socket;
 mod shared_buffer;
 pub mod vfio_user;
@@ -10,6 +11,7 @@ use std::os::fd::OwnedFd;
 use vg500_regs::SharedView;
 
 use crate::Error;
+pub use pci::{PciAddress, PciCard, PciSelector};
 
 /// A way to the card.
 ///
@@ -47,6 +49,22 @@ pub trait Transport: Send + Sync {
 
     /// Resets the card to its power-on state, the configuration space included.
     fn reset(&self) -> Result<(), Error>;
+
+    /// Which way this is, and to which card; for people.
+    fn description(&self) -> String {
+        "unknown".into()
+    }
+
+    /// Whether the card's memories lie behind a bus, where writing is fast and reading is slow: pixels are then
+    /// better fetched by bus mastering.
+    fn memory_is_remote(&self) -> bool {
+        false
+    }
+
+    /// Whether a card that does not reach host memory is an error. If not, the driver does without.
+    fn needs_host_memory(&self) -> bool {
+        false
+    }
 
     /// The register at byte `offset`.
     fn read_register(&self, offset: u32) -> Result<u32, Error> {

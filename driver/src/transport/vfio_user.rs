@@ -1,7 +1,7 @@
 //! The card as a vfio-user server behind a socket.
 
 use std::os::fd::{AsRawFd, OwnedFd};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -51,6 +51,7 @@ struct Region {
 /// [`Card::open`](crate::Card::open), which waits for the status block there.
 #[derive(Debug)]
 pub struct VfioUser {
+    path: PathBuf,
     link: Arc<Link>,
     bars: Vec<Region>,
     addresses: Pool,
@@ -68,7 +69,12 @@ impl VfioUser {
         let bars = link.call("mapping the card's memories", |client| {
             Ok((0..BARS).map(|index| region(client, index)).collect())
         })?;
-        Ok(Self { link: Arc::new(link), bars, addresses: Pool::new(BUS_ADDRESSES, PAGE) })
+        Ok(Self {
+            path: path.to_owned(),
+            link: Arc::new(link),
+            bars,
+            addresses: Pool::new(BUS_ADDRESSES, PAGE),
+        })
     }
 
     fn read(&self, what: &'static str, region: u32, offset: u64, bytes: usize) -> Result<Vec<u8>, Error> {
@@ -101,7 +107,8 @@ impl VfioUser {
         self.link.call("SET_IRQS", move |client| {
             client.set_irqs(index, DATA_NONE | ACTION_TRIGGER, vector, 1, &[])
         })?;
-        Ok(interrupt::wait_for_any(std::slice::from_ref(event), Duration::from_secs(1)))
+        interrupt::wait_for_any(std::slice::from_ref(event), Duration::from_secs(1));
+        Ok(interrupt::take(event) > 0)
     }
 }
 
@@ -163,6 +170,10 @@ impl Transport for VfioUser {
             return Ok(events);
         }
         Ok(Vec::new())
+    }
+
+    fn description(&self) -> String {
+        format!("vfio-user {}", self.path.display())
     }
 
     fn reset(&self) -> Result<(), Error> {
