@@ -201,7 +201,7 @@ impl Board {
     pub fn fetch(&mut self, mut rendering: Rendering) -> Result<BasePlane, RenderError> {
         while let Some((pass, plane, ticket)) = rendering.running.pop_front() {
             self.card.wait(ticket, FRAME_TIMEOUT)?;
-            let pixels = self.card.read_pixels(&plane, Rectangle::of_size(pass.size[0], pass.size[1]))?;
+            let pixels = self.card.fetch_pixels(&plane, Rectangle::of_size(pass.size[0], pass.size[1]))?;
             rendering.collector.add(&pass, &pixels);
             rendering.report.add(&self.card.report(ticket)?);
             drop(plane);

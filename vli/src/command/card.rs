@@ -7,7 +7,7 @@ use crate::transfer::TransferFunction;
 use crate::{BasePlane, Board, Context};
 use std::path::Path;
 use std::time::Duration;
-use volumepro_driver::{Card, CardInfo, VfioUser};
+use volumepro_driver::{Card, CardInfo, PciCard, PciSelector, Transport, VfioUser};
 
 /// How long the card may take to answer a message.
 const ANSWER: Duration = Duration::from_secs(20);
@@ -102,8 +102,13 @@ fn open(arguments: &CardArguments) -> Result<Board, Error> {
     } else if let Some(path) = device.strip_prefix("socket:") {
         let transport = VfioUser::connect(Path::new(path), ANSWER).map_err(Error::failure)?;
         Board::new(Card::open(Box::new(transport)).map_err(Error::failure)?)
-    } else if device.starts_with("pci:") {
-        return Err(Error::input(format!("--device {device}: this program does not serve PCI cards yet")));
+    } else if let Some(selector) = device.strip_prefix("pci:") {
+        let selector = selector
+            .parse::<PciSelector>()
+            .map_err(|error| Error::input(format!("--device {device}: {error}")))?;
+        let transport = PciCard::open(selector).map_err(Error::failure)?;
+        eprintln!("card: {}", transport.description());
+        Board::new(Card::open(Box::new(transport)).map_err(Error::failure)?)
     } else {
         return Err(Error::input(format!("--device {device}: none of embedded, socket:PATH, pci:ADDRESS")));
     };
