@@ -1,6 +1,6 @@
 //! The process: command line, log, signals, exit code.
 
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::os::fd::{FromRawFd, OwnedFd};
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
@@ -146,7 +146,10 @@ pub fn run() -> ExitCode {
         Ok(arguments) => arguments,
         Err(error) => return refuse(&error),
     };
-    _ = tracing_subscriber::fmt().with_writer(std::io::stderr).try_init();
+    _ = tracing_subscriber::fmt()
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_writer(std::io::stderr)
+        .try_init();
     match execute(arguments) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -2,6 +2,8 @@
 
 use crate::cycles::cycles;
 use crate::frame::FrameDescription;
+use crate::optimised::simd::Level;
+use crate::optimised::{self, Optimised};
 use crate::plan::Plan;
 use crate::reference;
 use crate::tables::Tables;
@@ -39,8 +41,7 @@ impl Cancel {
 
     /// A fault once the frame is to stop.
     pub fn check(&self) -> Result<(), Fault> {
-        let fault = Fault::new(FaultCode::Cancelled, vg500_regs::table::start::PLANE);
-        if self.0.load(Ordering::Relaxed) { Err(fault) } else { Ok(()) }
+        if self.0.load(Ordering::Relaxed) { Err(Fault::CANCELLED) } else { Ok(()) }
     }
 }
 
@@ -63,11 +64,26 @@ pub struct Report {
     pub checksum: u32,
 }
 
-/// A renderer of the card.
+/// A renderer of the card: which one, and how it is set up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Renderer {
     /// The renderer that defines the card.
     Reference,
+    /// The one that draws the same, sooner.
+    Optimised {
+        /// Its instructions.
+        level: Level,
+        /// Its threads, at least 1.
+        threads: usize,
+    },
+}
+
+impl Default for Renderer {
+    /// The optimised one, with the best instructions of the processor and all of its cores.
+    fn default() -> Self {
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        Self::Optimised { level: Level::detect(), threads }
+    }
 }
 
 impl Renderer {
@@ -76,6 +92,25 @@ impl Renderer {
     pub const fn code(self) -> u32 {
         match self {
             Self::Reference => 1,
+            Self::Optimised { .. } => 2,
+        }
+    }
+
+    /// The code of the register `SIMD_LEVEL`.
+    #[must_use]
+    pub const fn simd_code(self) -> u32 {
+        match self {
+            Self::Reference => 0,
+            Self::Optimised { level, .. } => level.code(),
+        }
+    }
+
+    /// How many threads render.
+    #[must_use]
+    pub fn threads(self) -> usize {
+        match self {
+            Self::Reference => 1,
+            Self::Optimised { threads, .. } => threads.max(1),
         }
     }
 
@@ -89,17 +124,51 @@ impl Renderer {
         let frame = FrameDescription::decode(registers, voxel_memory)?;
         match self {
             Self::Reference => reference::serves(&frame)?,
+            Self::Optimised { .. } => optimised::serves(&frame)?,
         }
         let tables = Tables::copy_from(tables, frame.copies)
             .map_err(|_| Fault::new(FaultCode::Range, table_select::COLOR))?;
         Ok(Task { frame, tables })
     }
 
-    /// Renders a frame into pixel memory.
+    /// Starts it: its threads live until the engine is dropped.
+    #[must_use]
+    pub fn start(self) -> Engine {
+        match self {
+            Self::Reference => Engine::Reference,
+            Self::Optimised { level, threads } => {
+                Engine::Optimised(Box::new(Optimised::new(level, threads.max(1))))
+            }
+        }
+    }
+
+    /// Starts it for a single frame.
     pub fn render(self, task: &Task, memories: Memories<'_>, cancel: &Cancel) -> Result<Report, Fault> {
+        self.start().render(task, memories, cancel)
+    }
+}
+
+/// A renderer at work.
+#[derive(Debug)]
+pub enum Engine {
+    /// See [`Renderer::Reference`].
+    Reference,
+    /// See [`Renderer::Optimised`].
+    Optimised(Box<Optimised>),
+}
+
+impl Engine {
+    /// Renders a frame into pixel memory.
+    pub fn render(
+        &self,
+        task: &Task,
+        memories: Memories<'_>,
+        cancel: &Cancel,
+    ) -> Result<Report, Fault> {
         let plan = Plan::new(&task.frame);
         let checksum = match self {
             Self::Reference => reference::render(task, &plan, memories, cancel)?,
+            Self::Optimised(optimised) => optimised.render(task, &plan, memories, cancel)?,
         };
         let samples = plan.samples();
         Ok(Report {

@@ -72,6 +72,9 @@ pub struct Fault {
 }
 
 impl Fault {
+    /// The end of a cancelled command: no field is to blame.
+    pub const CANCELLED: Self = Self { code: FaultCode::Cancelled, register: 0, bit: 0 };
+
     /// A fault of `field`.
     #[must_use]
     pub const fn new(code: FaultCode, field: Field) -> Self {
@@ -95,6 +98,9 @@ impl Fault {
 
 impl core::fmt::Display for Fault {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        if self.code == FaultCode::Cancelled {
+            return f.write_str(self.code.text());
+        }
         match table::find(u32::from(self.register)) {
             Some((register, index)) => {
                 write!(f, "{}", register.name)?;
@@ -123,6 +129,12 @@ mod tests {
         let fault = Fault::new(FaultCode::Value, volume_size_xy::Y);
         assert_eq!(fault.to_string(), "VOLUME_SIZE_XY.Y: value out of range");
         assert_eq!(Fault::from_word(fault.to_word()), Some(fault));
+    }
+
+    #[test]
+    fn a_cancelled_command_blames_nothing() {
+        assert_eq!(Fault::CANCELLED.to_string(), "cancelled");
+        assert_eq!(Fault::from_word(6), Some(Fault::CANCELLED));
     }
 
     #[test]

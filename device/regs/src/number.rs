@@ -92,7 +92,7 @@ pub const CUT_RECIPROCAL: NumberFormat = NumberFormat {
     signed: false,
     bits: 17,
     fraction: 16,
-    note: "1 / falloff width in voxels, 1/16..=1; 0 is a hard edge",
+    note: "1 / falloff width in voxels, for widths of 0.5 to 65536; 0 is a hard edge",
 };
 
 /// Component of the eye vector.

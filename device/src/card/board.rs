@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use vg500_regs::Fault;
 use vg500_regs::pci::Vector;
 use vg500_regs::table::{STATUS_BLOCK, last_fault, status};
 
@@ -171,18 +172,18 @@ impl Board {
         let cancelled = self.change(|state| {
             let cancelled = state.commands.cancel(which);
             for command in &cancelled {
-                let fault = command.cancelled();
+                let (tag, fault) = (command.tag, Fault::CANCELLED);
                 match command.kind {
                     Kind::Frame(plane) => {
-                        state.end_frame(command.tag, Some(plane.place()), Duration::ZERO, Err(fault));
+                        state.end_frame(tag, Some(plane.place()), Duration::ZERO, Err(fault));
                     }
-                    Kind::Transfer => state.end_transfer(command.tag, Err(fault)),
+                    Kind::Transfer => state.end_transfer(tag, Err(fault)),
                 }
             }
             cancelled
         });
         for command in cancelled {
-            self.trace.line(format_args!("{command} failed: {}", command.cancelled()));
+            self.trace.line(format_args!("{command} failed: {}", Fault::CANCELLED));
         }
     }
 

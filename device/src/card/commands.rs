@@ -4,8 +4,6 @@ use std::fmt;
 use std::sync::Arc;
 
 use vg500_engine::Cancel;
-use vg500_regs::table::{start, transfer};
-use vg500_regs::{Fault, FaultCode};
 
 use super::plane::Plane;
 
@@ -26,16 +24,6 @@ pub(super) struct Accepted {
     pub(super) kind: Kind,
     /// Asks it to end soon.
     pub(super) cancel: Arc<Cancel>,
-}
-
-impl Accepted {
-    /// The fault with which it ends when it is cancelled.
-    pub(super) const fn cancelled(&self) -> Fault {
-        match self.kind {
-            Kind::Frame(_) => Fault::new(FaultCode::Cancelled, start::PLANE),
-            Kind::Transfer => Fault::new(FaultCode::Cancelled, transfer::PLANE),
-        }
-    }
 }
 
 impl fmt::Display for Accepted {

@@ -130,7 +130,7 @@ impl Stopped {
     /// The fault that the registers show.
     pub(super) const fn fault(&self) -> Fault {
         match self {
-            Self::Cancelled => Fault::new(FaultCode::Cancelled, transfer::PLANE),
+            Self::Cancelled => Fault::CANCELLED,
             Self::HostMemory(_) => Fault::new(FaultCode::HostMemory, transfer_address_low::ADDRESS),
             Self::PixelMemory => Fault::new(FaultCode::Internal, transfer::PLANE),
         }

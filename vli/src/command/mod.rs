@@ -26,7 +26,8 @@ pub fn run() -> ExitCode {
         Ok(arguments) => arguments,
         Err(error) => return reject(&error),
     };
-    tracing_subscriber::fmt().with_max_level(LevelFilter::WARN).with_writer(std::io::stderr).init();
+    let log = tracing_subscriber::fmt().with_max_level(LevelFilter::WARN).with_writer(std::io::stderr);
+    log.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).init();
     let result = match arguments.command {
         Command::Render(render) => render::run(&render),
         Command::Info { volume, input } => input::info(&volume, &input),

@@ -21,7 +21,6 @@ fn held() -> (Rig, Arc<Gate>) {
 }
 
 const BUSY: Fault = Fault::new(FaultCode::Busy, start::PLANE);
-const CANCELLED: Fault = Fault::new(FaultCode::Cancelled, start::PLANE);
 
 #[test]
 fn a_start_command_after_power_on_is_refused_at_once() {
@@ -182,14 +181,14 @@ fn cancel_ends_the_chosen_commands_only() {
     gate.await_frame();
     rig.write(cancel::REGISTER, 0b1010);
     // Those that wait end at once, whatever runs.
-    assert_eq!((rig.plane_state(1), rig.plane_fault(1)), ((2, result::FAILED), Some(CANCELLED)));
-    assert_eq!((rig.plane_state(3), rig.plane_fault(3)), ((4, result::FAILED), Some(CANCELLED)));
+    assert_eq!((rig.plane_state(1), rig.plane_fault(1)), ((2, result::FAILED), Some(Fault::CANCELLED)));
+    assert_eq!((rig.plane_state(3), rig.plane_fault(3)), ((4, result::FAILED), Some(Fault::CANCELLED)));
     assert_eq!(rig.plane_state(0), (0, result::NONE));
     let began = Instant::now();
     rig.write(cancel::REGISTER, 0b0001);
     rig.await_that(|rig| rig.plane_state(0) == (1, result::FAILED));
     assert!(began.elapsed() < Duration::from_millis(500));
-    assert_eq!(rig.plane_fault(0), Some(CANCELLED));
+    assert_eq!(rig.plane_fault(0), Some(Fault::CANCELLED));
     gate.open();
     rig.await_idle();
     assert_eq!(rig.plane_state(2), (3, result::DONE));

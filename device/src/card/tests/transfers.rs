@@ -92,7 +92,7 @@ fn transfers_are_cancelled_apart_from_frames() {
     start(&mut rig, 3, 0, PixelFormat::Bgra4);
     rig.write(cancel::REGISTER, cancel::TRANSFERS.mask());
     assert_eq!(state(&mut rig), (3, result::FAILED));
-    let fault = Fault::new(FaultCode::Cancelled, transfer::PLANE);
+    let fault = Fault::CANCELLED;
     assert_eq!(Fault::from_word(rig.read(transfer_fault::REGISTER)), Some(fault));
     gate.open();
     rig.await_idle();
