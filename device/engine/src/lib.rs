@@ -9,8 +9,9 @@
 //! 4. [`stage`]: the pipeline of the paper's Figure 4, a file for each stage.
 //! 5. [`memory`]: how voxels and pixels lie in memory.
 //! 6. [`reference`]: the renderer that defines the card, stage by stage.
-//! 7. [`ideal`]: the same without quantisation, to measure errors.
-//! 8. [`cycles`]: how long the real chip would have taken.
+//! 7. [`optimised`]: the renderer that the device runs; it draws the same, sooner.
+//! 8. [`ideal`]: the same without quantisation, to measure errors.
+//! 9. [`cycles`]: how long the real chip would have taken.
 //!
 //! [`fixed`] holds the number formats and roundings of all of it.
 
@@ -19,6 +20,7 @@ pub mod fixed;
 pub mod frame;
 pub mod ideal;
 pub mod memory;
+pub mod optimised;
 pub mod plan;
 pub mod reference;
 pub mod render;
@@ -26,5 +28,6 @@ pub mod stage;
 pub mod tables;
 
 pub use frame::FrameDescription;
-pub use render::{Cancel, Memories, Renderer, Report, Task};
+pub use optimised::simd::{Level, LevelError};
+pub use render::{Cancel, Engine, Memories, Renderer, Report, Task};
 pub use tables::Tables;

@@ -162,7 +162,8 @@ fn illumination(registers: &FrameRegisters) -> Result<Illumination, Fault> {
         diffuse: factor(material::DIFFUSE),
         specular: factor(material::SPECULAR),
         specular_color: [specular_color::RED, specular_color::GREEN, specular_color::BLUE].map(factor),
-        eye: [eye_xy::X, eye_xy::Y, eye_z::Z].map(|field| registers.get_signed(field) as i16),
+        // The least value stands for -1, as the one above it does: every component has its opposite.
+        eye: [eye_xy::X, eye_xy::Y, eye_z::Z].map(|field| registers.get_signed(field).max(-32767) as i16),
         modulate: [modulation::OPACITY, modulation::DIFFUSE, modulation::SPECULAR]
             .map(|field| registers.get(field) != 0),
     };

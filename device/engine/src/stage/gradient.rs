@@ -8,7 +8,7 @@ use crate::fixed::round_shift;
 use vg500_regs::Permutation;
 
 /// 127 * 2^15 / 4095 / 1.00122, odd; 4095 gives 127 without clamping.
-const PER_DIFFERENCE: i64 = 1015;
+pub const PER_DIFFERENCE: i64 = 1015;
 
 /// Component along permuted x or y from the samples on both sides (12 bits each).
 #[must_use]

@@ -52,7 +52,12 @@ impl Crop {
             let [min, max] = self.slabs[axis].map(i64::from);
             (min..=max).contains(&position[axis])
         };
-        let inside = [in_slab(0), in_slab(1), in_slab(2)];
+        self.combines([0, 1, 2].map(in_slab))
+    }
+
+    /// Whether cropping leaves samples that lie inside of these slabs.
+    #[must_use]
+    pub fn combines(&self, inside: [bool; 3]) -> bool {
         let terms = [crop_flags::TERM_0, crop_flags::TERM_1, crop_flags::TERM_2].map(|term| {
             let flags = term.get(self.flags);
             let intersection = (0..3).all(|axis| flags >> axis & 1 == 0 || inside[axis]);

@@ -14,6 +14,7 @@ mod scene;
 mod blocks;
 mod error;
 mod frames;
+mod optimised;
 mod registers;
 mod shading;
 mod shading_sphere;

@@ -1,0 +1,108 @@
+//! What the pipeline of a frame consists of.
+
+use crate::frame::FrameDescription;
+use vg500_regs::BlendMode;
+
+/// The stages between interpolation and compositing, and how the last one accumulates.
+///
+/// A kernel is written once for any features. Where they are constant the compiler leaves out what they leave out:
+/// that is all that a specialisation is. See [`Specialisation`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Features {
+    /// The diffuse reflectance map.
+    pub diffuse: bool,
+    /// The reflection vector and the specular reflectance map.
+    pub specular: bool,
+    /// The gradient magnitude and its table.
+    pub magnitude: bool,
+    /// Whether the table holds colours already multiplied by their opacity.
+    pub premultiplied: bool,
+    /// Whether samples have a factor of opacity of their own: the cut plane.
+    pub cut: bool,
+    /// How samples accumulate.
+    pub blend: BlendMode,
+}
+
+impl Features {
+    /// The features of a frame.
+    #[must_use]
+    pub fn of(frame: &FrameDescription) -> Self {
+        let needs = frame.needs();
+        let accumulates = matches!(frame.output.blend, BlendMode::Alpha | BlendMode::Sum);
+        let diffuse = frame.illumination.diffuse != 0;
+        let cut = needs.cut && frame.output.blend == BlendMode::Alpha;
+        Self {
+            diffuse,
+            specular: needs.specular,
+            magnitude: needs.magnitude,
+            premultiplied: accumulates
+                && !(diffuse || needs.specular || needs.opacity_modulation || cut),
+            cut,
+            blend: frame.output.blend,
+        }
+    }
+
+    /// Whether colours depend on gradients.
+    #[inline(always)]
+    #[must_use]
+    pub const fn light(self) -> bool {
+        self.diffuse || self.specular
+    }
+
+    /// Whether gradients are needed.
+    #[inline(always)]
+    #[must_use]
+    pub const fn gradient(self) -> bool {
+        self.light() || self.magnitude
+    }
+}
+
+/// Features that are known when the program is built, or not.
+pub trait Specialisation: Copy + Send + Sync + 'static {
+    /// The features, if they are known.
+    const FEATURES: Option<Features>;
+
+    /// The features of a frame that this specialisation can draw.
+    #[inline(always)]
+    fn features(self, of_frame: Features) -> Features {
+        match Self::FEATURES {
+            Some(known) => known,
+            None => of_frame,
+        }
+    }
+}
+
+/// Any frame: each stage asks whether it is needed.
+#[derive(Clone, Copy, Debug)]
+pub struct General;
+
+impl Specialisation for General {
+    const FEATURES: Option<Features> = None;
+}
+
+/// Alpha blending without light or modulation.
+#[derive(Clone, Copy, Debug)]
+pub struct Unlit;
+
+impl Specialisation for Unlit {
+    const FEATURES: Option<Features> = Some(Features { premultiplied: true, ..LIT });
+}
+
+/// Alpha blending of shaded samples, with both maps or the diffuse one, modulated or not.
+#[derive(Clone, Copy, Debug)]
+pub struct Lit<const SPECULAR: bool, const MAGNITUDE: bool>;
+
+impl<const SPECULAR: bool, const MAGNITUDE: bool> Specialisation for Lit<SPECULAR, MAGNITUDE> {
+    const FEATURES: Option<Features> =
+        Some(Features { diffuse: true, specular: SPECULAR, magnitude: MAGNITUDE, ..LIT });
+}
+
+/// What all specialisations share.
+const LIT: Features = Features {
+    diffuse: false,
+    specular: false,
+    magnitude: false,
+    premultiplied: false,
+    cut: false,
+    blend: BlendMode::Alpha,
+};

@@ -1,0 +1,86 @@
+//! Illumination ([`crate::stage::illuminate`]).
+
+use crate::fixed::{FULL, unity, widen};
+use crate::frame::FrameDescription;
+use crate::optimised::features::Features;
+use crate::optimised::simd::Simd;
+
+/// Material and light of a frame, spread over all lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct Material<S: Simd> {
+    emissive: S::Words,
+    diffuse: S::Words,
+    specular: S::Words,
+    specular_color: [S::Words; 3],
+    /// Whether opacity, diffuse and specular illumination are modulated.
+    modulate: [bool; 3],
+}
+
+/// The intensities of the maps and what the gradient magnitude multiplies with, U0.15.
+#[derive(Clone, Copy, Debug)]
+pub struct Light<S: Simd> {
+    /// Id.
+    pub diffuse: S::Words,
+    /// Is.
+    pub specular: S::Words,
+    /// From the gradient-magnitude table.
+    pub modulation: S::Words,
+}
+
+impl<S: Simd> Material<S> {
+    /// The material of a frame.
+    #[inline(always)]
+    pub fn new(simd: S, frame: &FrameDescription) -> Self {
+        let illumination = &frame.illumination;
+        let [_, diffuse, specular] = illumination.modulate;
+        let factor = |factor| simd.splat(unity(factor) as i16);
+        Self {
+            emissive: factor(illumination.emissive),
+            diffuse: factor(illumination.diffuse),
+            specular: factor(illumination.specular),
+            specular_color: illumination.specular_color.map(|channel| simd.splat(widen(channel) as i16)),
+            modulate: [frame.needs().opacity_modulation, diffuse, specular],
+        }
+    }
+
+    /// A classified opacity, modulated if it is to be.
+    #[inline(always)]
+    pub fn opacity(&self, simd: S, alpha: S::Words, light: &Light<S>) -> S::Words {
+        if self.modulate[0] { simd.multiply_round(alpha, light.modulation) } else { alpha }
+    }
+
+    /// Classified colours in this light.
+    #[inline(always)]
+    pub fn illuminate(
+        &self,
+        simd: S,
+        features: Features,
+        color: [S::Words; 3],
+        light: &Light<S>,
+    ) -> [S::Words; 3] {
+        let coefficient = |intensity, modulate: bool, factor| {
+            let modulated = if features.magnitude && modulate {
+                simd.multiply_round(intensity, light.modulation)
+            } else {
+                intensity
+            };
+            simd.multiply_round(modulated, factor)
+        };
+        let diffuse = if features.diffuse {
+            coefficient(light.diffuse, self.modulate[1], self.diffuse)
+        } else {
+            simd.splat(0)
+        };
+        let own = simd.average(self.emissive, diffuse);
+        let body = color.map(|channel| simd.multiply_round(simd.shift_left::<1>(channel), own));
+        let most = simd.splat(FULL as i16);
+        if !features.specular {
+            return body.map(|channel| simd.min(channel, most));
+        }
+        let specular = coefficient(light.specular, self.modulate[2], self.specular);
+        [0, 1, 2].map(|channel| {
+            let highlight = simd.multiply_round(self.specular_color[channel], specular);
+            simd.min(simd.add(body[channel], highlight), most)
+        })
+    }
+}

@@ -1,0 +1,152 @@
+//! The optimised renderer: what the reference defines, many samples at a time.
+//!
+//! 1. [`prepared`]: what the tiles of a frame share: [`features`], [`slices`], [`tables`].
+//! 2. [`pool`]: threads take tiles, each some rows of the base plane.
+//! 3. [`tile`]: marches a tile through the volume, slice by slice and row by row.
+//! 4. [`staging`]: voxel rows stream from [`volume`] into the working format, in cache.
+//! 5. [`lanes`]: the stages of the pipeline on vectors, written once for every [`simd`] level.
+//! 6. [`accumulators`], then [`store`]: rays, and the pixels that they become.
+//!
+//! Every word of the base plane equals that of [`crate::reference`]. Results depend neither on the level nor on
+//! the number of threads: a ray belongs to one tile, and its samples are composited in order.
+
+mod accumulators;
+mod cursor;
+pub mod features;
+mod lanes;
+mod line;
+mod pool;
+mod prepared;
+mod reciprocal;
+pub mod simd;
+mod slices;
+mod staging;
+mod store;
+mod tables;
+mod tile;
+mod visible;
+mod volume;
+
+use crate::frame::FrameDescription;
+use crate::plan::Plan;
+use crate::reference::first_rays;
+use crate::render::{Cancel, Memories, Task};
+use core::ops::Range;
+use core::sync::atomic::{AtomicUsize, Ordering};
+use crc32fast::Hasher;
+use features::{Features, General, Lit, Specialisation, Unlit};
+use pool::Pool;
+use prepared::Prepared;
+use simd::{Level, Simd, Work};
+use std::sync::Mutex;
+use tile::Scratch;
+use vg500_regs::Fault;
+
+/// The optimised renderer with its threads.
+#[derive(Debug)]
+pub struct Optimised {
+    level: Level,
+    pool: Pool,
+}
+
+impl Optimised {
+    /// A renderer with `threads` threads, the one that calls it among them.
+    #[must_use]
+    pub fn new(level: Level, threads: usize) -> Self {
+        Self { level, pool: Pool::new(threads) }
+    }
+
+    /// Its instructions.
+    #[must_use]
+    pub const fn level(&self) -> Level {
+        self.level
+    }
+
+    /// Its threads.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.pool.threads()
+    }
+
+    /// Renders a frame into pixel memory; returns the checksum of its pixels.
+    pub fn render(
+        &self,
+        task: &Task,
+        plan: &Plan,
+        memories: Memories<'_>,
+        cancel: &Cancel,
+    ) -> Result<u32, Fault> {
+        let first_rays = match task.frame.output.accumulators {
+            Some(_) => Some(first_rays(&task.frame, plan, memories.pixel)?),
+            None => None,
+        };
+        let prepared = Prepared::new(task, plan, memories, first_rays);
+        let tiles = prepared.tiles(self.threads());
+        let next = AtomicUsize::new(0);
+        let results: Vec<Mutex<Option<Result<Hasher, Fault>>>> =
+            tiles.iter().map(|_| Mutex::default()).collect();
+        self.pool.run(&|scratch| {
+            while let place = next.fetch_add(1, Ordering::Relaxed)
+                && let (Some(rows), Some(result)) = (tiles.get(place), results.get(place))
+            {
+                let tile = Tile { prepared: &prepared, rows: rows.clone(), scratch, cancel };
+                let done = self.level.run(tile);
+                *result.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(done);
+            }
+        });
+        let mut checksum = Hasher::new();
+        for result in results {
+            let done = result.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+            if let Some(part) = done {
+                checksum.combine(&part?);
+            }
+        }
+        Ok(checksum.finalize())
+    }
+}
+
+/// A fault unless the renderer does what the frame asks for.
+pub fn serves(frame: &FrameDescription) -> Result<(), Fault> {
+    crate::reference::serves(frame)
+}
+
+/// A tile to render.
+struct Tile<'a, 'b> {
+    prepared: &'a Prepared<'b>,
+    rows: Range<u32>,
+    scratch: &'a mut Scratch,
+    cancel: &'a Cancel,
+}
+
+impl Work for Tile<'_, '_> {
+    type Output = Result<Hasher, Fault>;
+
+    #[inline(always)]
+    fn run<S: Simd>(mut self, simd: S) -> Self::Output {
+        store::begin(self.prepared, &self.rows, &mut self.scratch.accumulators);
+        if !self.prepared.frame.output.cursor_only {
+            let features = self.prepared.features;
+            match features {
+                _ if is(features, Unlit) => self.march(simd, Unlit)?,
+                _ if is(features, Lit::<false, false>) => self.march(simd, Lit::<false, false>)?,
+                _ if is(features, Lit::<false, true>) => self.march(simd, Lit::<false, true>)?,
+                _ if is(features, Lit::<true, false>) => self.march(simd, Lit::<true, false>)?,
+                _ if is(features, Lit::<true, true>) => self.march(simd, Lit::<true, true>)?,
+                _ => self.march(simd, General)?,
+            }
+        }
+        store::finish(self.prepared, &self.rows, &self.scratch.accumulators)
+    }
+}
+
+/// Whether a specialisation was made for these features.
+fn is<Z: Specialisation>(features: Features, _: Z) -> bool {
+    Z::FEATURES == Some(features)
+}
+
+impl Tile<'_, '_> {
+    #[inline(always)]
+    fn march<S: Simd, Z: Specialisation>(&mut self, simd: S, specialisation: Z) -> Result<(), Fault> {
+        tile::march(simd, specialisation, self.prepared, self.rows.clone(), self.scratch, self.cancel)
+    }
+}

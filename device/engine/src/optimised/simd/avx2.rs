@@ -1,0 +1,424 @@
+//! 16 lanes with AVX2. There are no byte permutations over whole tables, so tables are looked up word by word.
+
+use super::{Simd, Work};
+use crate::optimised::tables::{Classification, ReflectanceMap};
+use core::arch::x86_64::*;
+use vg500_regs::VoxelFormat;
+
+/// Proof that the processor has AVX2.
+#[derive(Clone, Copy, Debug)]
+pub struct Avx2(());
+
+impl Avx2 {
+    /// The proof, if the processor has it.
+    #[must_use]
+    pub fn detect() -> Option<Self> {
+        is_x86_feature_detected!("avx2").then_some(Self(()))
+    }
+}
+
+/// Cells of the six faces, 8 x 8 with the last row and column replicated: each a 2 x 2 neighbourhood of vertices,
+/// (v, u), (v, u + 1), (v + 1, u), (v + 1, u + 1).
+#[derive(Debug)]
+pub struct Cells([[u8; 4]; 6 * 64]);
+
+/// Factors widened to U0.15.
+#[derive(Debug)]
+pub struct Factors([u16; 256]);
+
+/// A vector in memory.
+#[repr(align(32))]
+struct Words([u16; 16]);
+
+/// Calls intrinsics of AVX2.
+macro_rules! avx2 {
+    ($call:expr) => {
+        // SAFETY: a value of `Avx2` exists only where the processor has these instructions.
+        unsafe { $call }
+    };
+}
+
+/// The low and the high half of each lane, widened to 32 bits, through an operation on eight floats.
+macro_rules! by_floats {
+    ($words:expr, $operation:expr) => {
+        avx2!({
+            let zero = _mm256_setzero_si256();
+            let low = _mm256_cvtepi32_ps(_mm256_unpacklo_epi16($words, zero));
+            let high = _mm256_cvtepi32_ps(_mm256_unpackhi_epi16($words, zero));
+            _mm256_packus_epi32($operation(low), $operation(high))
+        })
+    };
+}
+
+impl Simd for Avx2 {
+    const LANES: usize = 16;
+    type Words = __m256i;
+    type Mask = __m256i;
+    type Map = Cells;
+    type Factors = Factors;
+
+    #[inline(always)]
+    fn run<W: Work>(self, work: W) -> W::Output {
+        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+        fn with_avx2<W: Work>(simd: Avx2, work: W) -> W::Output {
+            work.run(simd)
+        }
+        avx2!(with_avx2(self, work))
+    }
+
+    #[inline(always)]
+    fn splat(self, value: i16) -> __m256i {
+        avx2!(_mm256_set1_epi16(value))
+    }
+
+    #[inline(always)]
+    fn count(self) -> __m256i {
+        avx2!(_mm256_setr_epi16(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
+    }
+
+    #[inline(always)]
+    unsafe fn load(self, from: *const u16) -> __m256i {
+        // SAFETY: the caller's promise.
+        unsafe { _mm256_loadu_si256(from.cast()) }
+    }
+
+    #[inline(always)]
+    unsafe fn store(self, to: *mut u16, words: __m256i) {
+        // SAFETY: the caller's promise.
+        unsafe { _mm256_storeu_si256(to.cast(), words) }
+    }
+
+    #[inline(always)]
+    unsafe fn load_voxels(self, format: VoxelFormat, from: *const u8) -> __m256i {
+        // SAFETY: the caller's promise; an 8-bit format has half as many bytes.
+        unsafe {
+            match format {
+                VoxelFormat::Uint8 => {
+                    _mm256_slli_epi16::<7>(_mm256_cvtepu8_epi16(_mm_loadu_si128(from.cast())))
+                }
+                VoxelFormat::Uint12Lower => {
+                    _mm256_srli_epi16::<1>(_mm256_slli_epi16::<4>(_mm256_loadu_si256(from.cast())))
+                }
+                VoxelFormat::Uint12Upper => {
+                    let words = _mm256_srli_epi16::<1>(_mm256_loadu_si256(from.cast()));
+                    _mm256_and_si256(words, _mm256_set1_epi16(0x7ff8))
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn add_to_sums(self, sums: *mut u32, words: __m256i) {
+        // SAFETY: the caller's promise.
+        unsafe {
+            let halves = [_mm256_castsi256_si128(words), _mm256_extracti128_si256::<1>(words)];
+            for (half, words) in halves.into_iter().enumerate() {
+                let place = sums.add(8 * half).cast();
+                let sum = _mm256_add_epi32(_mm256_loadu_si256(place), _mm256_cvtepu16_epi32(words));
+                _mm256_storeu_si256(place, sum);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn prefetch(self, address: *const u8) {
+        avx2!(_mm_prefetch::<_MM_HINT_T0>(address.cast()));
+    }
+
+    #[inline(always)]
+    fn add(self, a: __m256i, b: __m256i) -> __m256i {
+        avx2!(_mm256_add_epi16(a, b))
+    }
+
+    #[inline(always)]
+    fn subtract(self, a: __m256i, b: __m256i) -> __m256i {
+        avx2!(_mm256_sub_epi16(a, b))
+    }
+
+    #[inline(always)]
+    fn multiply_low(self, a: __m256i, b: __m256i) -> __m256i {
+        avx2!(_mm256_mullo_epi16(a, b))
+    }
+
+    #[inline(always)]
+    fn multiply_high(self, a: __m256i, b: __m256i) -> __m256i {
+        avx2!(high_half(a, b))
+    }
+
+    #[inline(always)]
+    fn multiply_high_signed(self, a: __m256i, b: __m256i) -> __m256i {
+        avx2!(_mm256_mulhi_epi16(a, b))
+    }
+
+    #[inline(always)]
+    fn multiply_round(self, a: __m256i, b: __m256i) -> __m256i {
+        avx2!(_mm256_mulhrs_epi16(a, b))
+    }
+
+    #[inline(always)]
+    fn average(self, a: __m256i, b: __m256i) -> __m256i {
+        avx2!(_mm256_avg_epu16(a, b))
+    }
+
+    #[inline(always)]
+    fn min(self, a: __m256i, b: __m256i) -> __m256i {
+        avx2!(_mm256_min_epi16(a, b))
+    }
+
+    #[inline(always)]
+    fn max(self, a: __m256i, b: __m256i) -> __m256i {
+        avx2!(_mm256_max_epi16(a, b))
+    }
+
+    #[inline(always)]
+    fn absolute(self, a: __m256i) -> __m256i {
+        avx2!(_mm256_abs_epi16(a))
+    }
+
+    #[inline(always)]
+    fn with_sign(self, magnitude: __m256i, sign: __m256i) -> __m256i {
+        avx2!(_mm256_sign_epi16(magnitude, sign))
+    }
+
+    #[inline(always)]
+    fn shift_left<const BITS: i32>(self, a: __m256i) -> __m256i {
+        avx2!(_mm256_slli_epi16::<BITS>(a))
+    }
+
+    #[inline(always)]
+    fn shift_right<const BITS: i32>(self, a: __m256i) -> __m256i {
+        avx2!(_mm256_srli_epi16::<BITS>(a))
+    }
+
+    #[inline(always)]
+    fn shift_right_signed<const BITS: i32>(self, a: __m256i) -> __m256i {
+        avx2!(_mm256_srai_epi16::<BITS>(a))
+    }
+
+    #[inline(always)]
+    fn and(self, a: __m256i, b: __m256i) -> __m256i {
+        avx2!(_mm256_and_si256(a, b))
+    }
+
+    #[inline(always)]
+    fn greater(self, a: __m256i, b: __m256i) -> __m256i {
+        avx2!(_mm256_cmpgt_epi16(a, b))
+    }
+
+    #[inline(always)]
+    fn equal(self, a: __m256i, b: __m256i) -> __m256i {
+        avx2!(_mm256_cmpeq_epi16(a, b))
+    }
+
+    #[inline(always)]
+    fn both(self, a: __m256i, b: __m256i) -> __m256i {
+        self.and(a, b)
+    }
+
+    #[inline(always)]
+    fn select(self, mask: __m256i, yes: __m256i, no: __m256i) -> __m256i {
+        avx2!(_mm256_blendv_epi8(no, yes, mask))
+    }
+
+    #[inline(always)]
+    fn any(self, mask: __m256i) -> bool {
+        avx2!(_mm256_testz_si256(mask, mask)) == 0
+    }
+
+    #[inline(always)]
+    fn square_root(self, a: __m256i) -> __m256i {
+        by_floats!(a, |a| _mm256_cvtps_epi32(_mm256_sqrt_ps(a)))
+    }
+
+    #[inline(always)]
+    fn reciprocal_of_gradient(self, a: __m256i) -> __m256i {
+        // 14336 / a and its sum with 1/2 are off by less than 2^-9, and a floor that is not meant is at least
+        // 1 / (2 * 127) away.
+        by_floats!(a, |a| {
+            let quotient = _mm256_div_ps(_mm256_set1_ps(14336.0), a);
+            _mm256_cvttps_epi32(_mm256_add_ps(quotient, _mm256_set1_ps(0.5)))
+        })
+    }
+
+    #[inline(always)]
+    fn reciprocal_seed(self, a: __m256i) -> __m256i {
+        // With middle = 128 odd: 2^27 / middle = 2^20 / odd. Its sum with 1/2 is off by less than 2^-8, and a
+        // floor that is not meant is at least 1 / (2 * 147) away; the tests look at all of them.
+        let odd = avx2!(_mm256_or_si256(
+            _mm256_slli_epi16::<1>(_mm256_srli_epi16::<8>(a)),
+            _mm256_set1_epi16(1)
+        ));
+        by_floats!(odd, |odd| {
+            let quotient = _mm256_div_ps(_mm256_set1_ps(1_048_576.0), odd);
+            _mm256_cvttps_epi32(_mm256_add_ps(quotient, _mm256_set1_ps(0.5)))
+        })
+    }
+
+    #[inline(always)]
+    unsafe fn classify(self, table: &Classification, values: __m256i) -> [__m256i; 4] {
+        let values = values_of(values);
+        let table = table.entries();
+        // Samples 2 i and 2 i + 1 in the lower half, those eight behind them in the upper one.
+        // SAFETY: the caller promises that no value lies behind the table's last entry.
+        let pair = |at: usize| unsafe {
+            let entry = |at: usize| table.add(usize::from(values[at]));
+            let two = |at: usize| {
+                let first = _mm_castsi128_pd(_mm_loadl_epi64(entry(at).cast()));
+                _mm_castpd_si128(_mm_loadh_pd(first, entry(at + 1).cast()))
+            };
+            _mm256_inserti128_si256::<1>(_mm256_castsi128_si256(two(at)), two(at + 8))
+        };
+        let [a, b, c, d] = [pair(0), pair(2), pair(4), pair(6)];
+        avx2!({
+            let [even, odd] = [_mm256_unpacklo_epi16(a, b), _mm256_unpackhi_epi16(a, b)];
+            let [rg, ba] = [_mm256_unpacklo_epi16(even, odd), _mm256_unpackhi_epi16(even, odd)];
+            let [even, odd] = [_mm256_unpacklo_epi16(c, d), _mm256_unpackhi_epi16(c, d)];
+            let [rg_behind, ba_behind] =
+                [_mm256_unpacklo_epi16(even, odd), _mm256_unpackhi_epi16(even, odd)];
+            [
+                _mm256_unpacklo_epi64(rg, rg_behind),
+                _mm256_unpackhi_epi64(rg, rg_behind),
+                _mm256_unpacklo_epi64(ba, ba_behind),
+                _mm256_unpackhi_epi64(ba, ba_behind),
+            ]
+        })
+    }
+
+    fn map(self, map: &ReflectanceMap) -> Cells {
+        let mut cells = [[0; 4]; 6 * 64];
+        for (index, cell) in cells.iter_mut().enumerate() {
+            let [face, v, u] = [index / 64, index / 8 % 8, index % 8];
+            *cell =
+                [map.at(face, v, u), map.at(face, v, u + 1), map.at(face, v + 1, u), map.at(face, v + 1, u + 1)];
+        }
+        Cells(cells)
+    }
+
+    #[inline(always)]
+    unsafe fn reflectance(self, map: &Cells, face: __m256i, u: __m256i, v: __m256i) -> __m256i {
+        let [u_cell, v_cell] = [self.shift_right::<5>(u), self.shift_right::<5>(v)];
+        let row = self.add(self.shift_left::<6>(face), self.shift_left::<3>(v_cell));
+        let index = values_of(self.add(row, u_cell));
+        // SAFETY: faces are 0..=5 and cells 0..=7, by the caller's promise.
+        let cell = |at: usize| unsafe { map.0.as_ptr().add(usize::from(index[at])).cast::<i32>().read_unaligned() };
+        let four = |at| avx2!(_mm_setr_epi32(cell(at), cell(at + 1), cell(at + 2), cell(at + 3)));
+        let eight = |at| avx2!(_mm256_inserti128_si256::<1>(_mm256_castsi128_si256(four(at)), four(at + 8)));
+        let [first, second] = [eight(0), eight(4)];
+        let within = self.splat(31);
+        let [u, v] = [self.and(u, within), self.and(v, within)];
+        avx2!({
+            // Bytes 32 - u and u, for both vertices of a row at once.
+            let u = _mm256_add_epi16(
+                _mm256_set1_epi16(32),
+                _mm256_sub_epi16(_mm256_slli_epi16::<8>(u), u),
+            );
+            let rows = [
+                _mm256_maddubs_epi16(first, _mm256_unpacklo_epi16(u, u)),
+                _mm256_maddubs_epi16(second, _mm256_unpackhi_epi16(u, u)),
+            ];
+            // A row of at most 8160 times 8 and a weight times 2^10: the high half is row times weight / 8.
+            let behind = _mm256_slli_epi16::<10>(v);
+            let here = _mm256_sub_epi16(_mm256_set1_epi16(i16::MIN), behind);
+            let weights = [_mm256_unpacklo_epi16(here, behind), _mm256_unpackhi_epi16(here, behind)];
+            let sum = |at: usize| {
+                let products = self.multiply_high(self.shift_left::<3>(rows[at]), weights[at]);
+                _mm256_madd_epi16(products, _mm256_set1_epi16(1))
+            };
+            let intensity = _mm256_packus_epi32(sum(0), sum(1));
+            _mm256_add_epi16(intensity, _mm256_srli_epi16::<8>(intensity))
+        })
+    }
+
+    fn factors(self, table: &[u8; 256]) -> Factors {
+        Factors(table.map(crate::fixed::unity))
+    }
+
+    #[inline(always)]
+    unsafe fn factor(self, table: &Factors, index: __m256i) -> __m256i {
+        let index = values_of(index);
+        // SAFETY: the caller promises that no index is greater than 255.
+        let found = core::array::from_fn(|lane| unsafe { *table.0.get_unchecked(usize::from(index[lane])) });
+        let found = Words(found);
+        // SAFETY: the array is as long as a vector.
+        unsafe { self.load(found.0.as_ptr()) }
+    }
+
+    #[inline(always)]
+    unsafe fn load_transposed(
+        self,
+        format: VoxelFormat,
+        from: *const u8,
+        pitch: isize,
+    ) -> [[u16; 16]; 16] {
+        // SAFETY: the caller's promise.
+        let rows = core::array::from_fn(|row| unsafe {
+            self.load_voxels(format, from.offset(row.cast_signed() * pitch))
+        });
+        avx2!(transpose(rows)).map(|words| {
+            let mut row = [0; 16];
+            // SAFETY: a row is as long as a vector.
+            unsafe { self.store(row.as_mut_ptr(), words) };
+            row
+        })
+    }
+}
+
+/// The lanes of a vector, read four at a time.
+#[inline(always)]
+fn values_of(words: __m256i) -> [u16; 16] {
+    let quarters = avx2!([
+        _mm256_extract_epi64::<0>(words),
+        _mm256_extract_epi64::<1>(words),
+        _mm256_extract_epi64::<2>(words),
+        _mm256_extract_epi64::<3>(words),
+    ]);
+    let quarters = quarters.map(super::opaque);
+    core::array::from_fn(|lane| (quarters[lane / 4] >> (16 * (lane % 4))) as u16)
+}
+
+/// Transposes 16 rows of 16 words: the quarters change places, then each is transposed.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn transpose(rows: [__m256i; 16]) -> [__m256i; 16] {
+    let left = core::array::from_fn(|row| _mm256_permute2x128_si256::<0x20>(rows[row], rows[row + 8]));
+    let right = core::array::from_fn(|row| _mm256_permute2x128_si256::<0x31>(rows[row], rows[row + 8]));
+    let [left, right] = [transpose_quarters(left), transpose_quarters(right)];
+    core::array::from_fn(|row| if row < 8 { left[row] } else { right[row - 8] })
+}
+
+/// Transposes the 8 rows of 8 words in each half of the vectors.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn transpose_quarters(rows: [__m256i; 8]) -> [__m256i; 8] {
+    let [a, b, c, d, e, f, g, h] = rows;
+    // Words of two rows, then pairs of words of four, then fours of words of all eight.
+    let two = |a, b| [_mm256_unpacklo_epi16(a, b), _mm256_unpackhi_epi16(a, b)];
+    let four = |a, b| [_mm256_unpacklo_epi32(a, b), _mm256_unpackhi_epi32(a, b)];
+    let eight = |a, b| [_mm256_unpacklo_epi64(a, b), _mm256_unpackhi_epi64(a, b)];
+    let [[ab, ab_high], [cd, cd_high]] = [two(a, b), two(c, d)];
+    let [[ef, ef_high], [gh, gh_high]] = [two(e, f), two(g, h)];
+    let [[first, second], [third, fourth]] = [four(ab, cd), four(ab_high, cd_high)];
+    let [[first_below, second_below], [third_below, fourth_below]] = [four(ef, gh), four(ef_high, gh_high)];
+    let [[a, b], [c, d]] = [eight(first, first_below), eight(second, second_below)];
+    let [[e, f], [g, h]] = [eight(third, third_below), eight(fourth, fourth_below)];
+    [a, b, c, d, e, f, g, h]
+}
+
+/// High half of a b, without sign. The instruction is written out because LLVM turns the intrinsic into
+/// multiplications of 32 bits where an operand was shifted.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn high_half(a: __m256i, b: __m256i) -> __m256i {
+    let high;
+    // SAFETY: the instruction touches registers only.
+    unsafe {
+        core::arch::asm!(
+            "vpmulhuw {high}, {a}, {b}",
+            high = lateout(ymm_reg) high,
+            a = in(ymm_reg) a,
+            b = in(ymm_reg) b,
+            options(pure, nomem, nostack, preserves_flags)
+        );
+    }
+    high
+}

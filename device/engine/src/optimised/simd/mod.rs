@@ -1,0 +1,204 @@
+//! Vectors of 16-bit lanes: the one set of operations that the kernels are written in, for each kind of processor.
+//!
+//! A value of a type that implements [`Simd`] is proof that the processor has its instructions: [`Level::detect`]
+//! and [`Level::named`] are the only places where one is made. It is passed down by value; nothing is global.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod level;
+mod portable;
+#[cfg(test)]
+mod tests;
+
+pub use level::{Level, LevelError};
+pub use portable::Portable;
+
+use super::line::Line;
+use super::tables::{Classification, ReflectanceMap};
+use vg500_regs::VoxelFormat;
+
+/// The most lanes of any implementation; each divides it.
+pub const MOST_LANES: usize = 32;
+
+/// Work that runs with the instructions of some level. Implementations of `run` are `#[inline(always)]`, so that
+/// the compiler makes them, and all that they call, of those instructions.
+pub trait Work {
+    /// What it comes to.
+    type Output;
+
+    /// Does it.
+    fn run<S: Simd>(self, simd: S) -> Self::Output;
+}
+
+/// Operations on vectors of 16-bit lanes. Lanes are without sign unless an operation says so.
+///
+/// Everything is `#[inline(always)]`: kernels become straight code of the level's instructions.
+pub trait Simd: Copy + Send + Sync + 'static {
+    /// Lanes of a vector: a power of two, at most [`MOST_LANES`].
+    const LANES: usize;
+    /// A vector.
+    type Words: Copy + core::fmt::Debug;
+    /// A truth value for each lane.
+    type Mask: Copy + core::fmt::Debug;
+    /// A reflectance map in the form that [`Self::reflectance`] looks up.
+    type Map;
+    /// A table of 256 factors in the form that [`Self::factor`] looks up.
+    type Factors;
+
+    /// Runs `work` with these instructions.
+    fn run<W: Work>(self, work: W) -> W::Output;
+
+    /// The same value in each lane.
+    fn splat(self, value: i16) -> Self::Words;
+    /// 0, 1, 2, ...
+    fn count(self) -> Self::Words;
+    /// Reads a vector.
+    ///
+    /// # Safety
+    ///
+    /// As many words as there are lanes can be read at `from`, and nobody writes them meanwhile.
+    unsafe fn load(self, from: *const u16) -> Self::Words;
+    /// Writes a vector.
+    ///
+    /// # Safety
+    ///
+    /// As many words as there are lanes can be written at `to`, and nobody else uses them meanwhile.
+    unsafe fn store(self, to: *mut u16, words: Self::Words);
+    /// Reads as many voxels as there are lanes, with the three guard bits of interpolation.
+    ///
+    /// # Safety
+    ///
+    /// They can be read at `from`. Others may write there meanwhile: what is read then is any 12-bit value.
+    unsafe fn load_voxels(self, format: VoxelFormat, from: *const u8) -> Self::Words;
+
+    /// Adds each lane to one of as many 32-bit sums.
+    ///
+    /// # Safety
+    ///
+    /// The sums can be read and written, and nobody else uses them meanwhile.
+    unsafe fn add_to_sums(self, sums: *mut u32, words: Self::Words);
+    /// Asks for the cache line at an address, which need not be one of anything.
+    fn prefetch(self, address: *const u8);
+
+    /// a + b, modulo 2^16.
+    fn add(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// a - b, modulo 2^16.
+    fn subtract(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// Low half of a b.
+    fn multiply_low(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// High half of a b, both without sign.
+    fn multiply_high(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// High half of a b, both signed.
+    fn multiply_high_signed(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// (a b + 2^14) >> 15, all signed. Not for a = b = -2^15.
+    fn multiply_round(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// (a + b + 1) >> 1 without overflow.
+    fn average(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// The lesser, signed.
+    fn min(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// The greater, signed.
+    fn max(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// The absolute value.
+    fn absolute(self, a: Self::Words) -> Self::Words;
+    /// `magnitude` with the sign of `sign`, for magnitudes that are 0 wherever `sign` is.
+    fn with_sign(self, magnitude: Self::Words, sign: Self::Words) -> Self::Words;
+    /// a << BITS.
+    fn shift_left<const BITS: i32>(self, a: Self::Words) -> Self::Words;
+    /// a >> BITS.
+    fn shift_right<const BITS: i32>(self, a: Self::Words) -> Self::Words;
+    /// a >> BITS, signed.
+    fn shift_right_signed<const BITS: i32>(self, a: Self::Words) -> Self::Words;
+    /// Bitwise and.
+    fn and(self, a: Self::Words, b: Self::Words) -> Self::Words;
+
+    /// a > b, signed.
+    fn greater(self, a: Self::Words, b: Self::Words) -> Self::Mask;
+    /// a = b.
+    fn equal(self, a: Self::Words, b: Self::Words) -> Self::Mask;
+    /// Both.
+    fn both(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// `yes` where the mask is set, `no` elsewhere.
+    fn select(self, mask: Self::Mask, yes: Self::Words, no: Self::Words) -> Self::Words;
+    /// Whether the mask is set in any lane.
+    fn any(self, mask: Self::Mask) -> bool;
+
+    /// round(sqrt(a)) for a up to 2^16 - 1.
+    fn square_root(self, a: Self::Words) -> Self::Words;
+    /// round(14336 / a), half up, for a in 1..=127; 0 or any other value for 0.
+    fn reciprocal_of_gradient(self, a: Self::Words) -> Self::Words;
+    /// round(2^27 / (a with its low byte replaced by 128)), half up, for a in 3584..=18943; any other value
+    /// elsewhere.
+    fn reciprocal_seed(self, a: Self::Words) -> Self::Words;
+
+    /// R, G, B and opacity of sample values.
+    ///
+    /// # Safety
+    ///
+    /// No lane is greater than [`Classification::TRANSPARENT`].
+    unsafe fn classify(self, table: &Classification, values: Self::Words) -> [Self::Words; 4];
+
+    /// Prepares a map.
+    fn map(self, map: &ReflectanceMap) -> Self::Map;
+    /// Looks directions up: the face in 0..=5, and u and v on it in 0..=224, as
+    /// [`crate::stage::reflectance::look_up`] does.
+    ///
+    /// # Safety
+    ///
+    /// All lanes are in these ranges.
+    unsafe fn reflectance(
+        self,
+        map: &Self::Map,
+        face: Self::Words,
+        u: Self::Words,
+        v: Self::Words,
+    ) -> Self::Words;
+
+    /// Prepares a table of factors.
+    fn factors(self, table: &[u8; 256]) -> Self::Factors;
+    /// Looks factors up, as U0.15.
+    ///
+    /// # Safety
+    ///
+    /// All lanes are in 0..=255.
+    unsafe fn factor(self, table: &Self::Factors, index: Self::Words) -> Self::Words;
+
+    /// Reads 16 voxels from each of 16 places `pitch` bytes apart, as [`Self::load_voxels`] does, and transposes
+    /// them: word `i` from place `j` becomes word `j` of row `i`.
+    ///
+    /// # Safety
+    ///
+    /// As for [`Self::load_voxels`].
+    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize)
+    -> [[u16; 16]; 16];
+}
+
+/// Reads and writes of lines and of accumulator rows, for any level.
+pub trait SimdExt: Simd {
+    /// `a + (b - a) w`, rounded half up; the weight has 8 fraction bits and is given times 2^7
+    /// ([`crate::stage::interpolate::lerp`]).
+    #[inline(always)]
+    fn lerp(self, a: Self::Words, b: Self::Words, weight: Self::Words) -> Self::Words {
+        self.add(a, self.multiply_round(self.subtract(b, a), weight))
+    }
+
+    /// All vectors of a line that cover the words `range`.
+    #[inline(always)]
+    fn blocks(self, range: core::ops::Range<usize>) -> impl Iterator<Item = super::line::Block> {
+        Line::blocks(range, Self::LANES)
+    }
+}
+
+impl<S: Simd> SimdExt for S {}
+
+/// A value of which the compiler knows nothing: it would make the slower gather instructions of look-ups.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn opaque(mut value: i64) -> i64 {
+    // SAFETY: nothing is executed.
+    unsafe {
+        core::arch::asm!("/* {0} */", inout(reg) value, options(pure, nomem, nostack, preserves_flags));
+    }
+    value
+}

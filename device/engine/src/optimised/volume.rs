@@ -1,0 +1,215 @@
+//! Where the voxels of a frame lie, and how a row of them is read.
+
+use super::line::Line;
+use super::simd::{MOST_LANES, Simd};
+use crate::frame::FrameDescription;
+use core::ops::Range;
+use vg500_regs::limit::VOLUME_SIZE;
+use vg500_regs::{SharedView, VoxelFormat};
+
+/// Voxels of a side of the squares that are transposed.
+const SQUARE: usize = 16;
+
+/// Lines of some rows of slices.
+#[derive(Debug)]
+pub struct Lines<'a> {
+    /// As many lines for each slot.
+    pub lines: &'a mut [Line],
+    /// Lines of a slot.
+    pub capacity: usize,
+    /// Slots; slice z is in slot z modulo their number.
+    pub slots: usize,
+    /// The row that the first line of each slot is.
+    pub first_row: usize,
+}
+
+impl Lines<'_> {
+    /// The line of the row at y of slice z.
+    #[inline(always)]
+    fn at(&mut self, y: usize, z: usize) -> &mut Line {
+        &mut self.lines[z % self.slots * self.capacity + y - self.first_row]
+    }
+}
+
+/// The volume of a frame: permuted, but mirrored so that object x always runs forward where it is permuted x.
+#[derive(Clone, Copy, Debug)]
+pub struct Volume<'a> {
+    memory: SharedView<'a>,
+    format: VoxelFormat,
+    /// Voxels along permuted x, y and z.
+    pub size: [usize; 3],
+    /// Byte offset of permuted voxel (0, 0, 0).
+    origin: isize,
+    /// Bytes from one voxel to the next along each permuted axis.
+    strides: [isize; 3],
+    /// The permuted axis along which voxels follow each other in memory.
+    contiguous: usize,
+}
+
+impl<'a> Volume<'a> {
+    /// The volume of `frame` in voxel memory.
+    #[must_use]
+    pub fn new(frame: &FrameDescription, memory: SharedView<'a>) -> Self {
+        let volume = &frame.volume;
+        let bytes = volume.format.bytes() as isize;
+        let row = volume.row_pitch as isize * bytes;
+        let object_strides = [bytes, row, row * volume.slice_rows as isize];
+        let axes = frame.permutation.axes();
+        let mut origin = volume.base as isize;
+        let mut strides = [0; 3];
+        for (place, permuted) in axes.iter().enumerate() {
+            let stride = object_strides[permuted.axis];
+            if permuted.flipped && place > 0 {
+                origin += stride * (volume.size[permuted.axis] as isize - 1);
+                strides[place] = -stride;
+            } else {
+                strides[place] = stride;
+            }
+        }
+        Self {
+            memory,
+            format: volume.format,
+            size: frame.permuted_size().map(|size| size as usize),
+            origin,
+            strides,
+            contiguous: axes.iter().position(|permuted| permuted.axis == 0).unwrap_or(0),
+        }
+    }
+
+    /// Slices that are brought in together: those of a square of transposed voxels, or one.
+    #[must_use]
+    pub const fn slices_at_once(&self) -> usize {
+        if self.contiguous == 2 { SQUARE } else { 1 }
+    }
+
+    /// The slices that are brought in together with slice `z`.
+    #[must_use]
+    pub fn slices_with(&self, z: usize) -> Range<usize> {
+        if self.contiguous == 2 { self.group(2, z) } else { z..z + 1 }
+    }
+
+    /// Brings rows of some slices of [`Self::slices_with`] into their lines.
+    pub fn load<S: Simd>(
+        &self,
+        simd: S,
+        rows: Range<usize>,
+        slices: Range<usize>,
+        lines: &mut Lines<'_>,
+    ) {
+        match self.contiguous {
+            0 => {
+                for z in slices.clone() {
+                    rows.clone().for_each(|y| self.load_row(simd, y, z, lines.at(y, z)));
+                }
+            }
+            1 => {
+                for z in slices.clone() {
+                    self.load_columns(simd, rows.clone(), |y| [y, z], lines);
+                }
+            }
+            _ => rows.clone().for_each(|y| self.load_columns(simd, slices.clone(), |z| [y, z], lines)),
+        }
+        for z in slices {
+            rows.clone().for_each(|y| lines.at(y, z).replicate_ends(self.size[0]));
+        }
+    }
+
+    /// Reads the row at y of slice z where voxels follow each other along x.
+    fn load_row<S: Simd>(&self, simd: S, y: usize, z: usize, line: &mut Line) {
+        let bytes = self.format.bytes();
+        let start = self.offset([0, y, z]);
+        let mut copy = [0; 2 * VOLUME_SIZE as usize];
+        let length = self.size[0].next_multiple_of(MOST_LANES) * bytes;
+        let from = match self.place(start, length) {
+            Some(place) => place,
+            None => {
+                // The padding of the last row may lie past the end of the memory; the row itself does not.
+                let row = &mut copy[..self.size[0] * bytes];
+                let _inside = self.memory.read(start.cast_unsigned(), row);
+                copy.as_ptr()
+            }
+        };
+        for block in Line::blocks(0..self.size[0], S::LANES) {
+            // SAFETY: blocks end at the row's length rounded up to whole vectors at the latest.
+            let voxels = unsafe { simd.load_voxels(self.format, from.add(block.start() * bytes)) };
+            line.store(simd, block, voxels);
+        }
+    }
+
+    /// Reads the lines `along` the axis on which voxels follow each other, square by square; `at` gives y and z of
+    /// each.
+    fn load_columns<S: Simd>(
+        &self,
+        simd: S,
+        along: Range<usize>,
+        at: impl Fn(usize) -> [usize; 2],
+        lines: &mut Lines<'_>,
+    ) {
+        let mut next = along.start;
+        while next < along.end {
+            let group = self.group(self.contiguous, next);
+            let here = next..group.end.min(along.end);
+            // The voxel of the group with the lowest address.
+            let lowest = if self.strides[self.contiguous] < 0 { group.end - 1 } else { group.start };
+            let [lowest_y, lowest_z] = at(lowest);
+            for x in (0..self.size[0]).step_by(SQUARE) {
+                let square = self.load_square(simd, [x, lowest_y, lowest_z]);
+                for index in here.clone() {
+                    let [y, z] = at(index);
+                    lines.at(y, z).store_16(x, &square[index.abs_diff(lowest)]);
+                }
+            }
+            next = here.end;
+        }
+    }
+
+    /// The coordinates on an axis, on which voxels follow each other, whose voxels share a square with `index`:
+    /// squares begin at multiples of 16 voxels of the object.
+    fn group(&self, axis: usize, index: usize) -> Range<usize> {
+        let size = self.size[axis];
+        if self.strides[axis] < 0 {
+            let object = size - 1 - index;
+            let first = object / SQUARE * SQUARE;
+            size - (first + SQUARE).min(size)..size - first
+        } else {
+            let first = index / SQUARE * SQUARE;
+            first..(first + SQUARE).min(size)
+        }
+    }
+
+    /// Reads 16 x 16 voxels: along x from `[x, y, z]` on, and for each of these those that follow in memory; as
+    /// rows along x.
+    fn load_square<S: Simd>(&self, simd: S, at: [usize; 3]) -> [[u16; SQUARE]; SQUARE] {
+        let bytes = self.format.bytes();
+        let start = self.offset(at);
+        let pitch = self.strides[0];
+        let length = pitch.unsigned_abs() * (SQUARE - 1) + SQUARE * bytes;
+        if let Some(place) = self.place(start, length) {
+            // SAFETY: the square lies inside of the memory.
+            return unsafe { simd.load_transposed(self.format, place, pitch) };
+        }
+        let mut copy = [0; SQUARE * SQUARE * 2];
+        for (row, voxels) in copy.chunks_exact_mut(SQUARE * 2).enumerate() {
+            for (voxel, stored) in voxels.chunks_exact_mut(bytes).take(SQUARE).enumerate() {
+                let offset = start + row.cast_signed() * pitch + (voxel * bytes).cast_signed();
+                // Voxels past the end of the memory are not of the volume, and nothing uses them.
+                let _inside = self.memory.read(offset.cast_unsigned(), stored);
+            }
+        }
+        // SAFETY: the copy holds 16 rows of 16 voxels of at most two bytes.
+        unsafe { simd.load_transposed(self.format, copy.as_ptr(), (SQUARE * 2).cast_signed()) }
+    }
+
+    /// Byte offset of a permuted voxel.
+    fn offset(&self, at: [usize; 3]) -> isize {
+        (0..3).fold(self.origin, |offset, axis| offset + at[axis].cast_signed() * self.strides[axis])
+    }
+
+    /// Where bytes of voxel memory lie, if all of them are inside of it.
+    fn place(&self, offset: isize, length: usize) -> Option<*const u8> {
+        let offset = usize::try_from(offset).ok()?;
+        let end = offset.checked_add(length)?;
+        // SAFETY: offset lies inside of the memory.
+        (end <= self.memory.size()).then(|| unsafe { self.memory.start().as_ptr().add(offset).cast_const() })
+    }
+}
