@@ -1,0 +1,113 @@
+//! The mapped memories: what this process writes it reads again, and the card sees it; what the card writes this
+//! process sees.
+
+use vg500_regs::memory::{plane_bytes, plane_offset};
+use vg500_regs::pci::{BARS, Bar, PIXEL_MEMORY, SECTION_MEMORY};
+use vg500_regs::table::output;
+use vg500_regs::{FaultCode, PixelFormat, PlaneFormat};
+use volumepro_driver::{Error, Rectangle, TrappedAccesses};
+
+use crate::rig::{Failure, Rig, ensure};
+use crate::scene::{self, compare};
+
+/// Every byte of every mapped memory holds what was written there, also while the others are written.
+pub fn patterns(rig: &Rig) -> Result<String, Failure> {
+    let memories = BARS.into_iter().filter(|bar| bar.mapped);
+    let mut bytes = 0;
+    for bar in memories.clone() {
+        let memory = rig.memory(bar)?;
+        memory.write(0, &pattern(bar, memory.size()))?;
+        bytes += memory.size();
+    }
+    for bar in memories {
+        let memory = rig.memory(bar)?;
+        let mut found = vec![0; memory.size()];
+        memory.read(0, &mut found)?;
+        let wrong = found.iter().zip(pattern(bar, memory.size())).position(|(found, put)| *found != put);
+        ensure(wrong.is_none(), || format!("BAR {} differs at byte {wrong:?}", bar.index))?;
+    }
+    rig.expect_no_mistakes()?;
+    // The driver does not know that its tables are gone.
+    rig.card.reset()?;
+    rig.scene.load(&rig.card)?;
+    Ok(format!("{} MiB written and read again", bytes >> 20))
+}
+
+/// Bytes that differ from memory to memory and do not repeat with any power of two.
+fn pattern(bar: Bar, size: usize) -> Vec<u8> {
+    let seed = bar.index.wrapping_mul(0x9e37_79b9);
+    (0..size as u32).map(|at| (at.wrapping_add(seed).wrapping_mul(0x85eb_ca6b) >> 19) as u8).collect()
+}
+
+/// The card reads voxels and tables from the mapping, and this process its pixels.
+pub fn frame(rig: &Rig) -> Result<String, Failure> {
+    let ticket = rig.scene.check(&rig.card)?;
+    let report = rig.card.report(ticket)?;
+    let own = crc32fast::hash(&scene::picture());
+    ensure(report.checksum == own, || {
+        format!("the card's checksum of its pixels is {:#x} instead of {own:#x}", report.checksum)
+    })?;
+    Ok(format!(
+        "voxels and tables seen by the card, its pixels by this process, checksum {own:#010x} on both sides"
+    ))
+}
+
+/// The card reads pixels that this process wrote through the mapping.
+pub fn device_view(rig: &Rig) -> Result<String, Failure> {
+    let plane = rig.card.allocate_plane(PlaneFormat::Rgba8)?;
+    let start = plane_offset(plane.format(), plane.index(), 0, 0);
+    let written = pattern(PIXEL_MEMORY, plane_bytes(plane.format()));
+    rig.memory(PIXEL_MEMORY)?.write(start, &written)?;
+    let target = rig.card.host_memory(written.len())?;
+    let whole = Rectangle::of_size(512, 512);
+    rig.card.transfer(&plane, whole, PixelFormat::Rgba8, &*target, 0, 512 * 4)?;
+    let mut arrived = vec![0; written.len()];
+    target.view().read(0, &mut arrived)?;
+    compare(&arrived, &written)?;
+    Ok(format!("{} KiB written to pixel memory came back by bus mastering", written.len() >> 10))
+}
+
+/// Section memory: the card writes it while it renders in sections, and the picture is the same.
+pub fn sections(rig: &Rig) -> Result<String, Failure> {
+    let memory = rig.memory(SECTION_MEMORY)?;
+    let before = pattern(SECTION_MEMORY, memory.size());
+    memory.write(0, &before)?;
+    let mut registers = rig.scene.registers.clone();
+    registers.set(output::SECTIONS, 1);
+    let ticket = rig.card.submit(&rig.scene.plane, &registers)?;
+    match rig.card.wait(ticket, scene::SOON) {
+        Err(Error::Refused { fault, .. }) if fault.code == FaultCode::NotServed => {
+            return Ok("written and read by this process; this card renders without sections".into());
+        }
+        other => other?,
+    }
+    compare(&rig.card.read_pixels(&rig.scene.plane, scene::rectangle())?, &scene::picture())?;
+    let mut after = vec![0; memory.size()];
+    memory.read(0, &mut after)?;
+    let changed = before.iter().zip(&after).filter(|(before, after)| before != after).count();
+    ensure(changed > 0, || "the card has not written section memory".into())?;
+    Ok(format!("the card changed {changed} bytes, pixels as without sections"))
+}
+
+/// Accesses to the mapped memories that the card saw as messages.
+pub fn untrapped(before: &TrappedAccesses, now: &TrappedAccesses) -> Result<String, Failure> {
+    for bar in BARS.into_iter().filter(|bar| bar.mapped) {
+        let at = bar.index as usize;
+        let reads = now.reads[at].wrapping_sub(before.reads[at]);
+        let writes = now.writes[at].wrapping_sub(before.writes[at]);
+        ensure((reads, writes) == (0, 0), || {
+            format!("{reads} reads and {writes} writes of the {} were trapped", bar.name)
+        })?;
+    }
+    let registers = now.reads[0].wrapping_sub(before.reads[0]);
+    ensure(registers > 0, || "the card does not count trapped reads of its registers".into())?;
+    Ok(format!("no trapped access to table, voxel, pixel and section memory; {registers} reads of registers"))
+}
+
+impl Rig {
+    /// One of the mapped memories.
+    pub fn memory(&self, bar: Bar) -> Result<vg500_regs::SharedView<'_>, Failure> {
+        let memory = self.card.transport().memory(bar.index);
+        memory.ok_or_else(|| format!("BAR {} ({}) is not mapped", bar.index, bar.name).into())
+    }
+}
