@@ -1,10 +1,9 @@
 //! The process: command line, log, signals, exit code.
 
+use std::fmt::Write as _;
 use std::io::{IsTerminal, Write};
 use std::os::fd::{FromRawFd, OwnedFd};
-use std::os::linux::net::SocketAddrExt;
-use std::os::unix::net::{SocketAddr, UnixDatagram};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -15,7 +14,9 @@ use vg500_regs::pci::{ALTERNATE_VENDOR_ID, VENDOR_ID, VOXEL_MEMORY_SIZES};
 
 use crate::config::{Config, InterruptMode, Pace};
 use crate::listener::{ListenError, Listener};
-use crate::serve::{Handle, ServeError, serve};
+use crate::readiness::Readiness;
+use crate::sandbox::{self, Mode, SandboxError, Treatment};
+use crate::serve::{Handle, ServeError, prepare};
 
 /// Exit code for an unusable command line.
 const USAGE: u8 = 2;
@@ -26,7 +27,7 @@ const FIRST_INHERITED: i32 = 3;
 
 /// The VolumePro 500 volume rendering card as a vfio-user device.
 #[derive(Debug, Parser)]
-#[command(name = "volumepro-device", version, allow_negative_numbers = true)]
+#[command(name = "volumepro-device", version, allow_negative_numbers = true, after_long_help = sandbox_help())]
 struct Arguments {
     /// Socket at which clients connect; a service manager can hand over a listening one instead (LISTEN_FDS).
     #[arg(long, value_name = "PATH")]
@@ -58,6 +59,24 @@ struct Arguments {
     /// PCI vendor ID: 1067 or 10ba.
     #[arg(long, default_value = "1067", value_parser = vendor, value_name = "ID")]
     vendor: u16,
+    /// What happens to system calls that the card does not need: on ends the process, log writes them to the kernel's
+    /// log, off lets them pass. With on, files and networks are out of reach as well.
+    #[arg(long, default_value = "on", value_parser = sandbox, value_name = "MODE")]
+    sandbox: Mode,
+}
+
+impl Arguments {
+    fn config(&self) -> Config {
+        Config {
+            vendor: self.vendor,
+            strict: self.strict,
+            trace: self.trace.clone(),
+            pace: self.pace.unwrap_or_default(),
+            interrupts: self.interrupt,
+            voxel_memory: self.voxel_memory,
+            renderer: self.renderer,
+        }
+    }
 }
 
 /// A value that asks for what there is.
@@ -115,6 +134,30 @@ fn vendor(id: &str) -> Result<u16, String> {
     id.filter(|id| [VENDOR_ID, ALTERNATE_VENDOR_ID].contains(id)).ok_or_else(|| "one of 1067, 10ba".into())
 }
 
+fn sandbox(mode: &str) -> Result<Mode, String> {
+    match mode {
+        "on" => Ok(Mode::On),
+        "log" => Ok(Mode::Log),
+        "off" => Ok(Mode::Off),
+        _ => Err("one of on, log, off".into()),
+    }
+}
+
+/// What the sandbox leaves, for `--help`.
+fn sandbox_help() -> String {
+    let mut text = String::from("System calls that the sandbox leaves:\n");
+    for group in sandbox::GROUPS {
+        let names: Vec<_> = group.names().collect();
+        let treatment = match group.treatment {
+            Treatment::Allowed => "",
+            Treatment::AllowedWithSocket => " (with --socket)",
+            Treatment::Missing => " (answered as if the system had no such call)",
+        };
+        _ = writeln!(text, "  {}{treatment}:\n    {}", group.purpose, names.join(" "));
+    }
+    text
+}
+
 /// Why the process ends.
 #[derive(Debug, thiserror::Error)]
 enum Failure {
@@ -124,6 +167,8 @@ enum Failure {
     Listen(#[from] ListenError),
     #[error(transparent)]
     Serve(#[from] ServeError),
+    #[error(transparent)]
+    Sandbox(#[from] SandboxError),
     #[error(transparent)]
     System(#[from] std::io::Error),
 }
@@ -177,30 +222,20 @@ fn complain(text: &str) {
 }
 
 fn execute(arguments: Arguments) -> Result<(), Failure> {
-    let (listener, place) = listener(arguments.socket)?;
-    let config = Config {
-        vendor: arguments.vendor,
-        strict: arguments.strict,
-        trace: arguments.trace,
-        pace: arguments.pace.unwrap_or_default(),
-        interrupts: arguments.interrupt,
-        voxel_memory: arguments.voxel_memory,
-        renderer: arguments.renderer,
-    };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
-    let result = runtime.block_on(control(|| serve(listener, &config), &place));
+    let result = runtime.block_on(control(arguments));
     runtime.shutdown_background();
     result
 }
 
 /// Serves until the card ends or a signal asks for the end.
-async fn control(start: impl FnOnce() -> Result<Handle, ServeError>, place: &str) -> Result<(), Failure> {
+async fn control(arguments: Arguments) -> Result<(), Failure> {
     // Before anybody can know that the process is ready.
     let (mut interrupt, mut terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
-    let card = start()?;
+    let (card, readiness) = start(arguments)?;
     let stopper = card.stopper();
     let mut ended = tokio::task::spawn_blocking(|| card.join());
-    announce(place);
+    readiness.tell();
     let ended = tokio::select! {
         ended = &mut ended => ended,
         _ = interrupt.recv() => { stopper.request(); ended.await }
@@ -209,10 +244,26 @@ async fn control(start: impl FnOnce() -> Result<Handle, ServeError>, place: &str
     Ok(ended.map_err(std::io::Error::other)??)
 }
 
+/// Opens everything, enters the sandbox, and only then starts threads.
+fn start(arguments: Arguments) -> Result<(Handle, Readiness), Failure> {
+    let config = arguments.config();
+    let (listener, place) = listener(arguments.socket.as_deref())?;
+    let card = prepare(listener, &config)?;
+    let readiness = Readiness::new(place);
+    for gap in sandbox::enter(arguments.sandbox, arguments.socket.as_deref())? {
+        if gap.matters() {
+            tracing::warn!("sandbox: {gap}");
+        } else {
+            tracing::info!("sandbox: {gap}");
+        }
+    }
+    Ok((card.start()?, readiness))
+}
+
 /// The socket to listen on, and what to call it.
-fn listener(socket: Option<PathBuf>) -> Result<(Listener, String), Failure> {
+fn listener(socket: Option<&Path>) -> Result<(Listener, String), Failure> {
     match (socket, inherited()) {
-        (Some(path), _) => Ok((Listener::bind(&path)?, path.display().to_string())),
+        (Some(path), _) => Ok((Listener::bind(path)?, path.display().to_string())),
         (None, Some(socket)) => Ok((Listener::inherit(socket)?, "an inherited socket".into())),
         (None, None) => Err(Failure::NoSocket),
     }
@@ -229,24 +280,6 @@ fn inherited() -> Option<OwnedFd> {
     Some(unsafe { OwnedFd::from_raw_fd(FIRST_INHERITED) })
 }
 
-/// Tells whoever has started the process that clients can connect.
-fn announce(place: &str) {
-    let mut output = std::io::stdout();
-    _ = writeln!(output, "listening on {place}").and_then(|()| output.flush());
-    if let Some(name) = std::env::var_os("NOTIFY_SOCKET") {
-        _ = notify(name.as_encoded_bytes());
-    }
-}
-
-/// `sd_notify`: a name that begins with `@` is an abstract one.
-fn notify(name: &[u8]) -> std::io::Result<()> {
-    let address = match name.strip_prefix(b"@") {
-        Some(name) => SocketAddr::from_abstract_name(name)?,
-        None => SocketAddr::from_pathname(PathBuf::from(String::from_utf8_lossy(name).as_ref()))?,
-    };
-    UnixDatagram::unbound()?.send_to_addr(b"READY=1", &address).map(drop)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -257,7 +290,7 @@ mod tests {
 
     #[test]
     fn values_that_are_not_served_are_named() {
-        let cases: [&[&str]; 12] = [
+        let cases: [&[&str]; 13] = [
             &["--simd", "avx2"],
             &["--simd", "mmx"],
             &["--threads", "2"],
@@ -270,6 +303,7 @@ mod tests {
             &["--interrupt", "irq"],
             &["--vendor", "8086"],
             &["--vendor", "xyz"],
+            &["--sandbox", "maybe"],
         ];
         for words in cases {
             let error = parse(words).unwrap_err();
@@ -286,16 +320,17 @@ mod tests {
         let default = Config::default();
         assert_eq!((arguments.vendor, arguments.voxel_memory), (default.vendor, default.voxel_memory));
         assert_eq!((arguments.renderer, arguments.interrupt), (default.renderer, default.interrupts));
+        assert_eq!(arguments.sandbox, Mode::On);
         assert!(!arguments.strict && arguments.pace.is_none() && arguments.trace.is_none());
     }
 
     #[test]
     fn every_option_is_understood() {
         let line = "--socket s --strict --trace t --pace hardware --interrupt intx --voxel-memory 256 \
-                    --renderer reference --simd portable --threads 1 --vendor 10ba";
+                    --renderer reference --simd portable --threads 1 --vendor 10ba --sandbox log";
         let arguments = parse(&line.split_whitespace().collect::<Vec<_>>()).unwrap();
         assert!(arguments.strict);
-        assert_eq!(arguments.pace, Some(Pace::Hardware));
+        assert_eq!((arguments.pace, arguments.sandbox), (Some(Pace::Hardware), Mode::Log));
         assert_eq!(arguments.interrupt, InterruptMode::Intx);
         assert_eq!((arguments.vendor, arguments.voxel_memory), (0x10ba, 256 << 20));
     }

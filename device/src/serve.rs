@@ -75,12 +75,49 @@ pub struct Handle {
 ///
 /// [`ServeError`] if `config` asks for a card that does not exist, or the system cannot provide it.
 pub fn serve(clients: impl Into<Clients>, config: &Config) -> Result<Handle, ServeError> {
-    let clients = clients.into();
+    prepare(clients, config)?.start()
+}
+
+/// A card for which every file is open and no thread runs yet.
+#[derive(Debug)]
+pub struct Prepared {
+    clients: Clients,
+    config: Config,
+    trace: Trace,
+    stop: Stop,
+}
+
+/// The first half of [`serve`].
+///
+/// # Errors
+///
+/// As for [`serve`].
+pub fn prepare(clients: impl Into<Clients>, config: &Config) -> Result<Prepared, ServeError> {
     check(config)?;
-    let stop = Stop::new()?;
-    let mut server = server(config, stop.clone())?;
-    let counters = server.counters();
-    let run = move || match clients {
+    let trace = match &config.trace {
+        Some(path) => Trace::to(path).map_err(|source| ServeError::Trace { path: path.clone(), source })?,
+        None => Trace::off(),
+    };
+    Ok(Prepared { clients: clients.into(), config: config.clone(), trace, stop: Stop::new()? })
+}
+
+impl Prepared {
+    /// The second half of [`serve`].
+    ///
+    /// # Errors
+    ///
+    /// If the system has no memory, threads or descriptors left.
+    pub fn start(self) -> Result<Handle, ServeError> {
+        let Self { clients, config, trace, stop } = self;
+        let server = server(&config, trace, stop.clone())?;
+        let counters = server.counters();
+        let thread = Builder::new().name("card".into()).spawn(move || run(server, clients))?;
+        Ok(Handle { stop, counters, thread: Some(thread) })
+    }
+}
+
+fn run(mut server: Server<Card>, clients: Clients) -> io::Result<()> {
+    match clients {
         Clients::Listener(listener) => server.listen(&listener),
         Clients::Stream(stream) => {
             stream.set_nonblocking(true)?;
@@ -89,9 +126,7 @@ pub fn serve(clients: impl Into<Clients>, config: &Config) -> Result<Handle, Ser
                 _ => Ok(()),
             }
         }
-    };
-    let thread = Builder::new().name("card".into()).spawn(run)?;
-    Ok(Handle { stop, counters, thread: Some(thread) })
+    }
 }
 
 impl Handle {
@@ -157,11 +192,7 @@ fn check(config: &Config) -> Result<(), ServeError> {
     Ok(())
 }
 
-fn server(config: &Config, stop: Stop) -> Result<Server<Card>, ServeError> {
-    let trace = match &config.trace {
-        Some(path) => Trace::to(path).map_err(|source| ServeError::Trace { path: path.clone(), source })?,
-        None => Trace::off(),
-    };
+fn server(config: &Config, trace: Trace, stop: Stop) -> Result<Server<Card>, ServeError> {
     let command = Arc::new(CommandRegister::default());
     let host = Host {
         dma: Arc::new(DmaTable::new(Arc::clone(&command))),
