@@ -102,7 +102,7 @@ impl Card {
         }
         let interrupts = Interrupts::new(transport.interrupts()?);
         let status = Status::new(&*transport)?;
-        status.start(&*transport)?;
+        status.start(&*transport, interrupts.exist())?;
         Ok(Self {
             state: Mutex::default(),
             transfers: Mutex::default(),
@@ -168,7 +168,7 @@ impl Card {
         let mut state = lock(&self.state);
         self.transport.reset()?;
         enable(&*self.transport)?;
-        self.status.start(&*self.transport)?;
+        self.status.start(&*self.transport, self.interrupts.exist())?;
         state.shadow = FrameRegisters::default();
         state.tables = Tables::default();
         state.promises = Promises::default();

@@ -53,8 +53,10 @@ impl Status {
         self.alive.load(Ordering::Relaxed)
     }
 
-    /// Enables all interrupts, and the copy. A copy that does not arrive is given up.
-    pub(crate) fn start(&self, transport: &dyn Transport) -> Result<(), Error> {
+    /// Enables the copy, and all interrupts if the driver receives them: one that nobody expects is trouble to
+    /// the system. A copy that does not arrive is given up.
+    pub(crate) fn start(&self, transport: &dyn Transport, interrupts: bool) -> Result<(), Error> {
+        let causes = if interrupts { interrupt_enable::REGISTER.mask() } else { 0 };
         let address = self.copy.as_ref().map_or(0, |copy| copy.bus_address());
         if let Some(copy) = &self.copy {
             // No status is all ones: its reserved bits are zero.
@@ -63,7 +65,7 @@ impl Status {
         transport.write_registers(
             interrupt_enable::REGISTER.offset,
             &[
-                interrupt_enable::REGISTER.mask(),
+                causes,
                 acknowledge::REGISTER.mask(),
                 address as u32,
                 (address >> 32) as u32,
@@ -76,7 +78,10 @@ impl Status {
             return Err(Error::HostMemoryUnreached { timeout: FIRST_COPY });
         }
         if self.copy.is_some() && !arrives {
-            tracing::warn!("the card does not reach host memory, its status is read from registers");
+            tracing::warn!(
+                "the card does not reach host memory (in a virtual machine: memory-backend with share=on), its \
+                 status is read from registers"
+            );
             transport.write_registers(status_control::REGISTER.offset, &[0])?;
         }
         Ok(())

@@ -33,7 +33,8 @@ pub fn identity(rig: &Rig) -> Result<String, Failure> {
 /// Interrupts arrive, and the card's status in host memory.
 pub fn completion(rig: &Rig) -> Result<String, Failure> {
     let (completion, vectors) = (rig.card.completion(), rig.card.interrupt_counts().len());
-    ensure(completion == Completion::Interrupt, || format!("{completion:?} instead of Interrupt"))?;
+    let told = || format!("{completion:?} instead of Interrupt: does the card offer MSI-X or MSI?");
+    ensure(completion == Completion::Interrupt, told)?;
     ensure(vectors == usize::from(VECTORS), || format!("{vectors} vectors instead of {VECTORS}"))?;
     Ok(format!("{vectors} vectors, status copied to host memory"))
 }
