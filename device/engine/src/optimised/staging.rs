@@ -40,6 +40,7 @@ impl Staging {
 
     /// Brings a slice in, unless it is there, with those that come along with it. `rows` tells the rows that are
     /// needed of a slice as long as it is in use.
+    #[inline(always)]
     pub fn require<S: Simd>(
         &mut self,
         simd: S,
@@ -47,9 +48,20 @@ impl Staging {
         slice: usize,
         rows: impl Fn(usize) -> Range<usize>,
     ) {
-        if self.slots[slice % self.slots.len()].slice == Some(slice) {
-            return;
+        if self.slots[slice % self.slots.len()].slice != Some(slice) {
+            self.bring(simd, volume, slice, rows);
         }
+    }
+
+    /// Brings a slice in.
+    #[inline(always)]
+    fn bring<S: Simd>(
+        &mut self,
+        simd: S,
+        volume: &Volume<'_>,
+        slice: usize,
+        rows: impl Fn(usize) -> Range<usize>,
+    ) {
         let slices = volume.slices_with(slice);
         let needed = slices.clone().map(rows).filter(|rows| !rows.is_empty());
         let Some(rows) = needed.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)) else { return };

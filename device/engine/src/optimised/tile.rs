@@ -7,7 +7,7 @@ use super::lanes::interpolate::{along_z_and_y, differences_along_z_and_y, sample
 use super::lanes::shade::{SampleRow, Shader, keep_extremes};
 use super::line::Line;
 use super::prepared::Prepared;
-use super::simd::Simd;
+use super::simd::{Simd, each};
 use super::slices::Slice;
 use super::staging::Staging;
 use super::visible::Seen;
@@ -19,6 +19,12 @@ use vg500_regs::{BlendMode, Fault};
 
 /// Sample rows that gradients look at: the one before, this one, the one behind; a power of two.
 const RING: usize = 4;
+
+/// Place of a row of rays, from -1 on, in the rings.
+#[inline(always)]
+const fn place(ray: i32) -> usize {
+    (ray + RING as i32) as usize % RING
+}
 
 /// Working memory of a thread, kept between frames.
 #[derive(Debug, Default)]
@@ -96,11 +102,10 @@ pub fn march<S: Simd, Z: Specialisation>(
             if seen == Seen::None {
                 continue;
             }
-            let place = |ray: i32| ray as usize % RING;
-            let row = SampleRow {
-                line: &rows.lines[place(ready + RING as i32)],
-                samples: [-1, 0, 1].map(|next| &rows.samples[place(ready + next + RING as i32)]),
-                differences: &rows.differences[place(ready + RING as i32)],
+                        let row = SampleRow {
+                line: &rows.lines[place(ready)],
+                samples: each!([-1, 0, 1], |next| &rows.samples[place(ready + next)]),
+                differences: &rows.differences[place(ready)],
                 x_weight: slice.x.weight,
                 factors: (seen == Seen::Factors).then_some(&rows.factors),
             };
@@ -155,6 +160,7 @@ impl Tile<'_> {
     }
 
     /// A slice of the volume; beyond its ends the outermost.
+    #[inline(always)]
     fn inside(&self, z: i32) -> usize {
         let [.., depth] = self.prepared.volume.size;
         (z.max(0) as usize).min(depth - 1)
@@ -195,23 +201,23 @@ impl Tile<'_> {
         let [width, ..] = self.prepared.volume.size;
         let y = ray + slice.y.first;
         let weights = [slice.weight, slice.y.weight];
-        let pair = |z: i32| {
-            let slice = self.inside(z);
-            [staging.row(y, slice), staging.row(y + 1, slice)]
-        };
-        let place = (ray + RING as i32) as usize % RING;
-        let around = [pair(slice.below), pair(slice.below + 1)];
+        let place = place(ray);
+        let [below, above] = [slice.below, slice.below + 1];
+        let around = [self.pair(staging, y, below), self.pair(staging, y, above)];
         along_z_and_y(simd, around, weights, width, &mut rows.lines[place]);
         if gradients {
-            let around = [
-                pair(slice.below - 1),
-                pair(slice.below),
-                pair(slice.below + 1),
-                pair(slice.below + 2),
-            ];
             samples(simd, &rows.lines[place], slice.x.weight, 0..width, &mut rows.samples[place]);
-            differences_along_z_and_y(simd, around, weights, width, &mut rows.differences[place]);
+            let before = [self.pair(staging, y, below - 1), around[0]];
+            let behind = [around[1], self.pair(staging, y, above + 1)];
+            differences_along_z_and_y(simd, before, behind, weights, width, &mut rows.differences[place]);
         }
+    }
+
+    /// The rows at y and y + 1 of a slice.
+    #[inline(always)]
+    fn pair<'s>(&self, staging: &'s Staging, y: i32, z: i32) -> [&'s Line; 2] {
+        let slice = self.inside(z);
+        [staging.row(y, slice), staging.row(y + 1, slice)]
     }
 
     /// Blends the cursor's samples of a row in front of the volume's.

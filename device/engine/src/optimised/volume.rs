@@ -89,6 +89,7 @@ impl<'a> Volume<'a> {
     }
 
     /// Brings rows of some slices of [`Self::slices_with`] into their lines.
+    #[inline(always)]
     pub fn load<S: Simd>(
         &self,
         simd: S,
@@ -99,7 +100,9 @@ impl<'a> Volume<'a> {
         match self.contiguous {
             0 => {
                 for z in slices.clone() {
-                    rows.clone().for_each(|y| self.load_row(simd, y, z, lines.at(y, z)));
+                    for y in rows.clone() {
+                        self.load_row(simd, y, z, lines.at(y, z));
+                    }
                 }
             }
             1 => {
@@ -107,7 +110,11 @@ impl<'a> Volume<'a> {
                     self.load_columns(simd, rows.clone(), |y| [y, z], lines);
                 }
             }
-            _ => rows.clone().for_each(|y| self.load_columns(simd, slices.clone(), |z| [y, z], lines)),
+            _ => {
+                for y in rows.clone() {
+                    self.load_columns(simd, slices.clone(), |z| [y, z], lines);
+                }
+            }
         }
         for z in slices {
             rows.clone().for_each(|y| lines.at(y, z).replicate_ends(self.size[0]));
@@ -115,6 +122,7 @@ impl<'a> Volume<'a> {
     }
 
     /// Reads the row at y of slice z where voxels follow each other along x.
+    #[inline(always)]
     fn load_row<S: Simd>(&self, simd: S, y: usize, z: usize, line: &mut Line) {
         let bytes = self.format.bytes();
         let start = self.offset([0, y, z]);
@@ -138,6 +146,7 @@ impl<'a> Volume<'a> {
 
     /// Reads the lines `along` the axis on which voxels follow each other, square by square; `at` gives y and z of
     /// each.
+    #[inline(always)]
     fn load_columns<S: Simd>(
         &self,
         simd: S,
@@ -179,6 +188,7 @@ impl<'a> Volume<'a> {
 
     /// Reads 16 x 16 voxels: along x from `[x, y, z]` on, and for each of these those that follow in memory; as
     /// rows along x.
+    #[inline(always)]
     fn load_square<S: Simd>(&self, simd: S, at: [usize; 3]) -> [[u16; SQUARE]; SQUARE] {
         let bytes = self.format.bytes();
         let start = self.offset(at);

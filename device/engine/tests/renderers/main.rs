@@ -19,6 +19,7 @@ mod registers;
 mod shading;
 mod shading_sphere;
 mod speed;
+mod speed_optimised;
 mod stability;
 mod symmetry;
 mod visibility;

@@ -2,7 +2,7 @@
 
 use crate::frame::FrameDescription;
 use crate::optimised::line::{Block, Line};
-use crate::optimised::simd::{Simd, SimdExt};
+use crate::optimised::simd::{Simd, SimdExt, each};
 
 /// How differences along permuted axes become a gradient in object axes.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +53,8 @@ impl<S: Simd> Orientation<S> {
             simd.multiply_round(y, self.factors[1]),
             simd.shift_right_signed::<1>(z),
         ];
-        self.permuted.map(|place| components[place])
+        let [x, y, z] = self.permuted;
+        [components[x], components[y], components[z]]
     }
 }
 
@@ -66,6 +67,6 @@ pub fn magnitude<S: Simd>(simd: S, gradient: [S::Words; 3]) -> S::Words {
 /// The sum of the squares of three components; up to 2^16 - 1.
 #[inline(always)]
 pub fn square<S: Simd>(simd: S, vector: [S::Words; 3]) -> S::Words {
-    let [x, y, z] = vector.map(|component| simd.multiply_low(component, component));
+    let [x, y, z] = each!([vector[0], vector[1], vector[2]], |it| simd.multiply_low(it, it));
     simd.add(simd.add(x, y), z)
 }

@@ -3,7 +3,7 @@
 use crate::fixed::{FULL, unity, widen};
 use crate::frame::FrameDescription;
 use crate::optimised::features::Features;
-use crate::optimised::simd::Simd;
+use crate::optimised::simd::{Simd, each};
 
 /// Material and light of a frame, spread over all lanes.
 #[derive(Clone, Copy, Debug)]
@@ -58,29 +58,41 @@ impl<S: Simd> Material<S> {
         color: [S::Words; 3],
         light: &Light<S>,
     ) -> [S::Words; 3] {
-        let coefficient = |intensity, modulate: bool, factor| {
-            let modulated = if features.magnitude && modulate {
-                simd.multiply_round(intensity, light.modulation)
-            } else {
-                intensity
-            };
-            simd.multiply_round(modulated, factor)
-        };
         let diffuse = if features.diffuse {
-            coefficient(light.diffuse, self.modulate[1], self.diffuse)
+            let modulate = features.magnitude && self.modulate[1];
+            coefficient(simd, light.diffuse, modulate.then_some(light.modulation), self.diffuse)
         } else {
             simd.splat(0)
         };
         let own = simd.average(self.emissive, diffuse);
-        let body = color.map(|channel| simd.multiply_round(simd.shift_left::<1>(channel), own));
         let most = simd.splat(FULL as i16);
+        let [r, g, b] = color;
+        let body = each!([r, g, b], |channel| simd.multiply_round(simd.shift_left::<1>(channel), own));
+        let [r, g, b] = body;
         if !features.specular {
-            return body.map(|channel| simd.min(channel, most));
+            return each!([r, g, b], |channel| simd.min(channel, most));
         }
-        let specular = coefficient(light.specular, self.modulate[2], self.specular);
-        [0, 1, 2].map(|channel| {
+        let modulate = features.magnitude && self.modulate[2];
+        let specular =
+            coefficient(simd, light.specular, modulate.then_some(light.modulation), self.specular);
+        each!([0, 1, 2], |channel| {
             let highlight = simd.multiply_round(self.specular_color[channel], specular);
             simd.min(simd.add(body[channel], highlight), most)
         })
     }
+}
+
+/// An intensity times a factor, modulated before if it is to be.
+#[inline(always)]
+fn coefficient<S: Simd>(
+    simd: S,
+    intensity: S::Words,
+    modulation: Option<S::Words>,
+    factor: S::Words,
+) -> S::Words {
+    let modulated = match modulation {
+        Some(modulation) => simd.multiply_round(intensity, modulation),
+        None => intensity,
+    };
+    simd.multiply_round(modulated, factor)
 }

@@ -1,7 +1,7 @@
 //! Interpolation of a row ([`crate::stage::interpolate`]): z, then y into a line, then x.
 
-use crate::optimised::line::Line;
-use crate::optimised::simd::{Simd, SimdExt};
+use crate::optimised::line::{Block, Line};
+use crate::optimised::simd::{Simd, SimdExt, each};
 use core::ops::Range;
 
 /// A weight of 8 fraction bits as [`SimdExt::lerp`] takes it.
@@ -10,74 +10,84 @@ pub fn weight<S: Simd>(simd: S, weight: i16) -> S::Words {
     simd.splat(weight << 7)
 }
 
-/// Interpolates the rows above and below a sample row between two slices, along z and y: `rows[z][y]`.
-///
-/// Weights that are zero leave their interpolation out.
+/// Rows above and below a sample row in two slices: `rows[z][y]`.
+pub type Corners<'a> = [[&'a Line; 2]; 2];
+
+/// Interpolates the rows around a sample row along z and y. Weights that are zero leave their interpolation out.
 #[inline(always)]
 pub fn along_z_and_y<S: Simd>(
     simd: S,
-    rows: [[&Line; 2]; 2],
+    rows: Corners<'_>,
     weights: [i16; 2],
     voxels: usize,
     line: &mut Line,
 ) {
-    let [z, y] = weights;
-    let [z_weight, y_weight] = weights.map(|it| weight(simd, it));
-    let blocks = || simd.blocks(0..voxels);
-    let at = |z: usize, y: usize, block| rows[z][y].load(simd, block);
-    match (z != 0, y != 0) {
-        (false, false) => blocks().for_each(|block| line.store(simd, block, at(0, 0, block))),
-        (false, true) => {
-            for block in blocks() {
-                line.store(simd, block, simd.lerp(at(0, 0, block), at(0, 1, block), y_weight));
+    let [z, y] = [weight(simd, weights[0]), weight(simd, weights[1])];
+    match weights {
+        [0, 0] => {
+            for block in simd.blocks(0..voxels) {
+                line.store(simd, block, rows[0][0].load(simd, block));
             }
         }
-        (true, false) => {
-            for block in blocks() {
-                line.store(simd, block, simd.lerp(at(0, 0, block), at(1, 0, block), z_weight));
+        [0, _] => {
+            for block in simd.blocks(0..voxels) {
+                let [above, below] = [rows[0][0].load(simd, block), rows[0][1].load(simd, block)];
+                line.store(simd, block, simd.lerp(above, below, y));
             }
         }
-        (true, true) => {
-            for block in blocks() {
-                let along_z = |y| simd.lerp(at(0, y, block), at(1, y, block), z_weight);
-                line.store(simd, block, simd.lerp(along_z(0), along_z(1), y_weight));
+        _ => {
+            for block in simd.blocks(0..voxels) {
+                let [above, below] = each!([0, 1], |row| {
+                    simd.lerp(rows[0][row].load(simd, block), rows[1][row].load(simd, block), z)
+                });
+                line.store(simd, block, simd.lerp(above, below, y));
             }
         }
     }
     line.replicate_ends(voxels);
 }
 
-/// The differences along z of the slices around a sample slice, halved and interpolated along z and y
-/// ([`crate::stage::gradient::voxel_difference`]): `rows[z][y]` from one slice before to two behind the slice below.
+/// The differences along z, halved ([`crate::stage::gradient::voxel_difference`]), interpolated along z and y:
+/// those of the slices `before` and `behind` that lie around the slices of a sample row.
 #[inline(always)]
 pub fn differences_along_z_and_y<S: Simd>(
     simd: S,
-    rows: [[&Line; 2]; 4],
+    before: Corners<'_>,
+    behind: Corners<'_>,
     weights: [i16; 2],
     voxels: usize,
     line: &mut Line,
 ) {
-    let [z, y] = weights;
-    let [z_weight, y_weight] = weights.map(|it| weight(simd, it));
-    let blocks = || simd.blocks(0..voxels);
-    let at = |z: usize, y: usize, block| {
-        let [before, behind] = [rows[z][y].load(simd, block), rows[z + 2][y].load(simd, block)];
-        simd.shift_right_signed::<1>(simd.subtract(behind, before))
-    };
-    match (z != 0, y != 0) {
-        (false, false) => blocks().for_each(|block| line.store(simd, block, at(0, 0, block))),
-        (false, true) => {
-            for block in blocks() {
-                line.store(simd, block, simd.lerp(at(0, 0, block), at(0, 1, block), y_weight));
+    let [z, y] = [weight(simd, weights[0]), weight(simd, weights[1])];
+    match weights {
+        [0, 0] => {
+            for block in simd.blocks(0..voxels) {
+                line.store(simd, block, difference(simd, before[0][0], behind[0][0], block));
+            }
+        }
+        [0, _] => {
+            for block in simd.blocks(0..voxels) {
+                let [above, below] =
+                    each!([0, 1], |row| difference(simd, before[0][row], behind[0][row], block));
+                line.store(simd, block, simd.lerp(above, below, y));
             }
         }
         _ => {
-            for block in blocks() {
-                let along_z = |y| simd.lerp(at(0, y, block), at(1, y, block), z_weight);
-                line.store(simd, block, simd.lerp(along_z(0), along_z(1), y_weight));
+            for block in simd.blocks(0..voxels) {
+                let [above, below] = each!([0, 1], |row| {
+                    let here = difference(simd, before[0][row], behind[0][row], block);
+                    simd.lerp(here, difference(simd, before[1][row], behind[1][row], block), z)
+                });
+                line.store(simd, block, simd.lerp(above, below, y));
             }
         }
     }
+}
+
+/// Half the difference of two rows.
+#[inline(always)]
+fn difference<S: Simd>(simd: S, before: &Line, behind: &Line, block: Block) -> S::Words {
+    simd.shift_right_signed::<1>(simd.subtract(behind.load(simd, block), before.load(simd, block)))
 }
 
 /// Interpolates a block of a line along x.
@@ -85,7 +95,7 @@ pub fn differences_along_z_and_y<S: Simd>(
 pub fn along_x<S: Simd>(
     simd: S,
     line: &Line,
-    block: crate::optimised::line::Block,
+    block: Block,
     x_weight: S::Words,
 ) -> S::Words {
     simd.lerp(line.load(simd, block), line.load_behind(simd, block), x_weight)

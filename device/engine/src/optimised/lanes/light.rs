@@ -1,7 +1,7 @@
 //! The look-ups of the reflectance maps ([`crate::stage::reflectance`], [`crate::stage::reflect`]).
 
 use super::gradient::square;
-use crate::optimised::simd::Simd;
+use crate::optimised::simd::{Simd, each};
 use crate::stage::reflectance::HALF_FACE;
 
 /// Directions in the form of [`crate::stage::reflectance::cube_vector`], absolute values and signs apart.
@@ -32,10 +32,10 @@ impl<S: Simd> Face<S> {
         let no_z = simd.greater(simd.max(x, y), z);
         let x_beats_y = simd.greater(x, y);
         let is_x = simd.both(no_z, x_beats_y);
-        let of_x_or_y = |x, y| simd.select(x_beats_y, x, y);
-        let component = simd.select(no_z, of_x_or_y(vector[0], vector[1]), vector[2]);
-        let axis =
-            simd.select(no_z, of_x_or_y(simd.splat(0), simd.splat(2)), simd.splat(4));
+        let x_or_y = simd.select(x_beats_y, vector[0], vector[1]);
+        let component = simd.select(no_z, x_or_y, vector[2]);
+        let axis = simd.select(x_beats_y, simd.splat(0), simd.splat(2));
+        let axis = simd.select(no_z, axis, simd.splat(4));
         let number = simd.add(axis, simd.shift_right::<15>(component));
         Self { is_x, not_z: no_z, number }
     }
@@ -58,7 +58,7 @@ impl<S: Simd> Face<S> {
         signs: [S::Words; 2],
     ) -> S::Words {
         let half = simd.splat(HALF_FACE as i16);
-        let [u, v] = [0, 1].map(|side| simd.add(half, simd.with_sign(absolute[side], signs[side])));
+        let [u, v] = each!([0, 1], |side| simd.add(half, simd.with_sign(absolute[side], signs[side])));
         // SAFETY: faces are 0..=5; 112 and a value of up to 112 of either sign are 0..=224.
         unsafe { simd.reflectance(map, self.number, u, v) }
     }
@@ -68,13 +68,12 @@ impl<S: Simd> Stretched<S> {
     /// Gradients stretched to the cube; a zero gradient stays zero.
     #[inline(always)]
     pub fn new(simd: S, gradient: [S::Words; 3]) -> Self {
-        let absolute = gradient.map(|component| simd.absolute(component));
+        let absolute = each!([0, 1, 2], |axis| simd.absolute(gradient[axis]));
         let [x, y, z] = absolute;
         let major = simd.max(simd.max(x, y), z);
         let reciprocal = simd.reciprocal_of_gradient(major);
         Self {
-            absolute: absolute
-                .map(|component| simd.multiply_round(simd.shift_left::<8>(component), reciprocal)),
+            absolute: each!([x, y, z], |it| simd.multiply_round(simd.shift_left::<8>(it), reciprocal)),
             signs: gradient,
             face: Face::new(simd, gradient, absolute),
             major,
@@ -91,20 +90,22 @@ impl<S: Simd> Stretched<S> {
     /// Id: the diffuse map in the direction of the gradient.
     #[inline(always)]
     pub fn diffuse(&self, simd: S, map: &S::Map) -> S::Words {
-        let sides = |vector| self.face.sides(simd, vector);
-        self.lit(simd, self.face.look_up(simd, map, sides(self.absolute), sides(self.signs)))
+        let absolute = self.face.sides(simd, self.absolute);
+        let signs = self.face.sides(simd, self.signs);
+        self.lit(simd, self.face.look_up(simd, map, absolute, signs))
     }
 
     /// Is: the specular map in the direction of the reflected eye vector, none of whose components is negative.
     #[inline(always)]
     pub fn specular(&self, simd: S, map: &S::Map, eye: [S::Words; 3]) -> S::Words {
         let reflected = self.reflect(simd, eye);
-        let absolute = reflected.map(|component| simd.absolute(component));
+        let absolute = each!([0, 1, 2], |axis| simd.absolute(reflected[axis]));
         let [x, y, z] = absolute;
         let reciprocal = reciprocal(simd, simd.max(simd.max(x, y), z));
         let face = Face::new(simd, reflected, absolute);
         let limit = simd.splat(HALF_FACE as i16);
-        let coordinates = face.sides(simd, absolute).map(|component| {
+        let [u, v] = face.sides(simd, absolute);
+        let coordinates = each!([u, v], |component| {
             let ratio = simd.multiply_high(component, reciprocal);
             // (7 ratio + 64) >> 7
             simd.min(simd.multiply_round(ratio, simd.splat(7 << 8)), limit)
@@ -115,14 +116,14 @@ impl<S: Simd> Stretched<S> {
     /// Half the reflection vector ([`crate::stage::reflect::reflect`]).
     #[inline(always)]
     fn reflect(&self, simd: S, eye: [S::Words; 3]) -> [S::Words; 3] {
-        let term = |axis: usize| {
+        let [x, y, z] = each!([0, 1, 2], |axis| {
             let product = simd.multiply_round(simd.shift_left::<7>(self.absolute[axis]), eye[axis]);
             simd.with_sign(product, self.signs[axis])
-        };
-        let cosine = simd.add(simd.add(term(0), term(1)), term(2));
+        });
+        let cosine = simd.add(simd.add(x, y), z);
         let half_square = simd.shift_right::<1>(square(simd, self.absolute));
         let steep = simd.absolute(cosine);
-        [0, 1, 2].map(|axis| {
+        each!([0, 1, 2], |axis| {
             let along = simd.multiply_round(steep, simd.shift_left::<8>(self.absolute[axis]));
             let along = simd.with_sign(simd.with_sign(along, self.signs[axis]), cosine);
             simd.subtract(along, simd.multiply_round(half_square, eye[axis]))

@@ -9,7 +9,7 @@ use crate::optimised::accumulators::{Accumulators, no_extreme};
 use crate::optimised::features::{Features, Specialisation};
 use crate::optimised::line::{Block, Line};
 use crate::optimised::prepared::Prepared;
-use crate::optimised::simd::{Simd, SimdExt};
+use crate::optimised::simd::{Simd, SimdExt, each};
 use crate::optimised::tables::Classification;
 use core::ops::Range;
 use vg500_regs::BlendMode;
@@ -111,7 +111,8 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
                     alpha = simd
                         .multiply_round(simd.shift_left::<3>(alpha), simd.shift_left::<4>(factors));
                 }
-                let color = color.map(|channel| product(simd, channel, alpha));
+                let [r, g, b] = color;
+                let color = each!([r, g, b], |channel| product(simd, channel, alpha));
                 composite::alpha(simd, &mut rays, block, color, alpha);
                 continue;
             }
@@ -128,7 +129,8 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
                     continue;
                 }
                 let (color, alpha) = self.shade(features, row, block, x_weight, [r, g, b], alpha);
-                let color = color.map(|channel| product(simd, channel, alpha));
+                let [r, g, b] = color;
+                let color = each!([r, g, b], |channel| product(simd, channel, alpha));
                 composite::sum(simd, &mut rays, block, color, alpha, visible);
                 continue;
             }

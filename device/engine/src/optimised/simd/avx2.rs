@@ -1,6 +1,6 @@
 //! 16 lanes with AVX2. There are no byte permutations over whole tables, so tables are looked up word by word.
 
-use super::{Simd, Work};
+use super::{Simd, Work, each, opaque};
 use crate::optimised::tables::{Classification, ReflectanceMap};
 use core::arch::x86_64::*;
 use vg500_regs::VoxelFormat;
@@ -38,14 +38,17 @@ macro_rules! avx2 {
     };
 }
 
-/// The low and the high half of each lane, widened to 32 bits, through an operation on eight floats.
+/// An operation on the low and on the high half of all lanes, widened to floats of 32 bits.
 macro_rules! by_floats {
-    ($words:expr, $operation:expr) => {
+    ($words:expr, |$half:ident| $result:expr) => {
         avx2!({
             let zero = _mm256_setzero_si256();
-            let low = _mm256_cvtepi32_ps(_mm256_unpacklo_epi16($words, zero));
-            let high = _mm256_cvtepi32_ps(_mm256_unpackhi_epi16($words, zero));
-            _mm256_packus_epi32($operation(low), $operation(high))
+            let halves = [_mm256_unpacklo_epi16($words, zero), _mm256_unpackhi_epi16($words, zero)];
+            let [low, high] = each!([halves[0], halves[1]], |half| {
+                let $half = _mm256_cvtepi32_ps(half);
+                $result
+            });
+            _mm256_packus_epi32(low, high)
         })
     };
 }
@@ -256,20 +259,17 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     unsafe fn classify(self, table: &Classification, values: __m256i) -> [__m256i; 4] {
-        let values = values_of(values);
+        let [a, b, c, d] = quarters(values);
         let table = table.entries();
         // Samples 2 i and 2 i + 1 in the lower half, those eight behind them in the upper one.
         // SAFETY: the caller promises that no value lies behind the table's last entry.
-        let pair = |at: usize| unsafe {
-            let entry = |at: usize| table.add(usize::from(values[at]));
-            let two = |at: usize| {
-                let first = _mm_castsi128_pd(_mm_loadl_epi64(entry(at).cast()));
-                _mm_castpd_si128(_mm_loadh_pd(first, entry(at + 1).cast()))
-            };
-            _mm256_inserti128_si256::<1>(_mm256_castsi128_si256(two(at)), two(at + 8))
-        };
-        let [a, b, c, d] = [pair(0), pair(2), pair(4), pair(6)];
-        avx2!({
+        unsafe {
+            let [a, b, c, d] = [
+                join(two_entries(table, a), two_entries(table, c)),
+                join(two_entries(table, a >> 32), two_entries(table, c >> 32)),
+                join(two_entries(table, b), two_entries(table, d)),
+                join(two_entries(table, b >> 32), two_entries(table, d >> 32)),
+            ];
             let [even, odd] = [_mm256_unpacklo_epi16(a, b), _mm256_unpackhi_epi16(a, b)];
             let [rg, ba] = [_mm256_unpacklo_epi16(even, odd), _mm256_unpackhi_epi16(even, odd)];
             let [even, odd] = [_mm256_unpacklo_epi16(c, d), _mm256_unpackhi_epi16(c, d)];
@@ -281,7 +281,7 @@ impl Simd for Avx2 {
                 _mm256_unpacklo_epi64(ba, ba_behind),
                 _mm256_unpackhi_epi64(ba, ba_behind),
             ]
-        })
+        }
     }
 
     fn map(self, map: &ReflectanceMap) -> Cells {
@@ -298,12 +298,11 @@ impl Simd for Avx2 {
     unsafe fn reflectance(self, map: &Cells, face: __m256i, u: __m256i, v: __m256i) -> __m256i {
         let [u_cell, v_cell] = [self.shift_right::<5>(u), self.shift_right::<5>(v)];
         let row = self.add(self.shift_left::<6>(face), self.shift_left::<3>(v_cell));
-        let index = values_of(self.add(row, u_cell));
+        let [a, b, c, d] = quarters(self.add(row, u_cell));
         // SAFETY: faces are 0..=5 and cells 0..=7, by the caller's promise.
-        let cell = |at: usize| unsafe { map.0.as_ptr().add(usize::from(index[at])).cast::<i32>().read_unaligned() };
-        let four = |at| avx2!(_mm_setr_epi32(cell(at), cell(at + 1), cell(at + 2), cell(at + 3)));
-        let eight = |at| avx2!(_mm256_inserti128_si256::<1>(_mm256_castsi128_si256(four(at)), four(at + 8)));
-        let [first, second] = [eight(0), eight(4)];
+        let [first, second] = unsafe {
+            [join(four_cells(map, a), four_cells(map, c)), join(four_cells(map, b), four_cells(map, d))]
+        };
         let within = self.splat(31);
         let [u, v] = [self.and(u, within), self.and(v, within)];
         avx2!({
@@ -320,11 +319,11 @@ impl Simd for Avx2 {
             let behind = _mm256_slli_epi16::<10>(v);
             let here = _mm256_sub_epi16(_mm256_set1_epi16(i16::MIN), behind);
             let weights = [_mm256_unpacklo_epi16(here, behind), _mm256_unpackhi_epi16(here, behind)];
-            let sum = |at: usize| {
-                let products = self.multiply_high(self.shift_left::<3>(rows[at]), weights[at]);
+            let [first, second] = each!([0, 1], |half| {
+                let products = self.multiply_high(self.shift_left::<3>(rows[half]), weights[half]);
                 _mm256_madd_epi16(products, _mm256_set1_epi16(1))
-            };
-            let intensity = _mm256_packus_epi32(sum(0), sum(1));
+            });
+            let intensity = _mm256_packus_epi32(first, second);
             _mm256_add_epi16(intensity, _mm256_srli_epi16::<8>(intensity))
         })
     }
@@ -335,10 +334,13 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     unsafe fn factor(self, table: &Factors, index: __m256i) -> __m256i {
-        let index = values_of(index);
-        // SAFETY: the caller promises that no index is greater than 255.
-        let found = core::array::from_fn(|lane| unsafe { *table.0.get_unchecked(usize::from(index[lane])) });
-        let found = Words(found);
+        let mut found = Words([0; 16]);
+        let quarters = quarters(index);
+        for lane in 0..16 {
+            let index = (quarters[lane / 4] >> (16 * (lane % 4))) as usize & 0xffff;
+            // SAFETY: the caller promises that no index is greater than 255.
+            found.0[lane] = unsafe { *table.0.get_unchecked(index) };
+        }
         // SAFETY: the array is as long as a vector.
         unsafe { self.load(found.0.as_ptr()) }
     }
@@ -350,30 +352,68 @@ impl Simd for Avx2 {
         from: *const u8,
         pitch: isize,
     ) -> [[u16; 16]; 16] {
-        // SAFETY: the caller's promise.
-        let rows = core::array::from_fn(|row| unsafe {
-            self.load_voxels(format, from.offset(row.cast_signed() * pitch))
-        });
-        avx2!(transpose(rows)).map(|words| {
-            let mut row = [0; 16];
+        let mut rows = [self.splat(0); 16];
+        for (row, words) in rows.iter_mut().enumerate() {
+            // SAFETY: the caller's promise.
+            *words = unsafe { self.load_voxels(format, from.offset(row.cast_signed() * pitch)) };
+        }
+        let rows = avx2!(transpose(rows));
+        let mut square = [[0; 16]; 16];
+        for (row, words) in square.iter_mut().zip(rows) {
             // SAFETY: a row is as long as a vector.
             unsafe { self.store(row.as_mut_ptr(), words) };
-            row
-        })
+        }
+        square
     }
 }
 
-/// The lanes of a vector, read four at a time.
+/// The lanes of a vector, four to a word.
 #[inline(always)]
-fn values_of(words: __m256i) -> [u16; 16] {
-    let quarters = avx2!([
-        _mm256_extract_epi64::<0>(words),
-        _mm256_extract_epi64::<1>(words),
-        _mm256_extract_epi64::<2>(words),
-        _mm256_extract_epi64::<3>(words),
-    ]);
-    let quarters = quarters.map(super::opaque);
-    core::array::from_fn(|lane| (quarters[lane / 4] >> (16 * (lane % 4))) as u16)
+fn quarters(words: __m256i) -> [u64; 4] {
+    avx2!([
+        opaque(_mm256_extract_epi64::<0>(words)),
+        opaque(_mm256_extract_epi64::<1>(words)),
+        opaque(_mm256_extract_epi64::<2>(words)),
+        opaque(_mm256_extract_epi64::<3>(words)),
+    ])
+}
+
+/// A vector of two halves.
+#[inline(always)]
+pub(super) fn join(low: __m128i, high: __m128i) -> __m256i {
+    avx2!(_mm256_inserti128_si256::<1>(_mm256_castsi128_si256(low), high))
+}
+
+/// The entries of a table at the two lowest of four indices.
+///
+/// # Safety
+///
+/// The table has these entries.
+#[inline(always)]
+pub(super) unsafe fn two_entries(table: *const u64, indices: u64) -> __m128i {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let [first, second] = [table.add(indices as usize & 0xffff), table.add((indices >> 16) as usize & 0xffff)];
+        let first = _mm_castsi128_pd(_mm_loadl_epi64(first.cast()));
+        _mm_castpd_si128(_mm_loadh_pd(first, second.cast()))
+    }
+}
+
+/// The cells at four indices.
+///
+/// # Safety
+///
+/// There are such cells.
+#[inline(always)]
+unsafe fn four_cells(map: &Cells, indices: u64) -> __m128i {
+    // SAFETY: the caller's promise; a cell is as long as an `i32`.
+    unsafe {
+        let cells = map.0.as_ptr();
+        let [a, b, c, d] = each!([0, 16, 32, 48], |shift| {
+            cells.add((indices >> shift) as usize & 0xffff).cast::<i32>().read_unaligned()
+        });
+        _mm_setr_epi32(a, b, c, d)
+    }
 }
 
 /// Transposes 16 rows of 16 words: the quarters change places, then each is transposed.

@@ -1,7 +1,7 @@
 //! 32 lanes with AVX-512. Permutations of bytes look whole tables up in registers.
 
-use super::avx2::Avx2;
-use super::{Simd, Work};
+use super::avx2::{Avx2, join, two_entries};
+use super::{Simd, Work, each, opaque};
 use crate::optimised::reciprocal::{GRADIENT, SEED};
 use crate::optimised::tables::{Classification, ReflectanceMap};
 use core::arch::x86_64::*;
@@ -66,11 +66,51 @@ macro_rules! avx512 {
 /// The lower bytes of words, as a mask of bytes.
 const LOWER: u64 = 0x5555_5555_5555_5555;
 
+/// The vertices along u: for the even one in the lower byte of each lane, for the odd one in the upper byte.
+struct Across {
+    /// u / 2.
+    index: __m512i,
+    weights: __m512i,
+}
+
+impl Avx512 {
+    /// A value in the lower byte of each lane and one in the upper.
+    #[inline(always)]
+    fn bytes(self, lower: __m512i, upper: __m512i) -> __m512i {
+        self.add(lower, self.shift_left::<8>(upper))
+    }
+
+    /// The row of vertices from `first` on, interpolated along u and multiplied with its weight along v.
+    #[inline(always)]
+    fn row(self, tables: &[Bytes; 2], first: __m512i, weight: __m512i, across: &Across) -> __m512i {
+        let index = self.add(self.bytes(first, first), across.index);
+        let even = bytes_at(&tables[0], LOWER, index);
+        let odd = bytes_at(&tables[1], !LOWER, index);
+        let row = avx512!(_mm512_maddubs_epi16(_mm512_or_si512(even, odd), across.weights));
+        // A row of at most 8160 times 8 and a weight times 2^10: the high half is row times weight / 8.
+        self.multiply_high(self.shift_left::<3>(row), self.shift_left::<10>(weight))
+    }
+}
+
+/// The entries of a table at the two lowest indices of each of four words.
+///
+/// # Safety
+///
+/// The table has these entries.
+#[inline(always)]
+unsafe fn four_pairs(table: *const u64, indices: [u64; 4]) -> __m512i {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let [a, b, c, d] = each!([0, 1, 2, 3], |at| two_entries(table, indices[at]));
+        _mm512_inserti64x4::<1>(_mm512_castsi256_si512(join(a, b)), join(c, d))
+    }
+}
+
 /// Words of a table of 64, by the lower six bits of each lane.
 #[inline(always)]
 fn words_at(table: &Words, index: __m512i) -> __m512i {
     avx512!({
-        let [low, high] = [0, 32].map(|at| _mm512_load_si512(table.0.as_ptr().add(at).cast()));
+        let [low, high] = each!([0, 32], |at| _mm512_load_si512(table.0.as_ptr().add(at).cast()));
         _mm512_permutex2var_epi16(low, index, high)
     })
 }
@@ -79,7 +119,7 @@ fn words_at(table: &Words, index: __m512i) -> __m512i {
 #[inline(always)]
 fn bytes_at(table: &Bytes, mask: u64, index: __m512i) -> __m512i {
     avx512!({
-        let [low, high] = [0, 64].map(|at| _mm512_load_si512(table.0.as_ptr().add(at).cast()));
+        let [low, high] = each!([0, 64], |at| _mm512_load_si512(table.0.as_ptr().add(at).cast()));
         _mm512_maskz_permutex2var_epi8(mask, low, index, high)
     })
 }
@@ -291,9 +331,11 @@ impl Simd for Avx512 {
     fn square_root(self, a: __m512i) -> __m512i {
         avx512!({
             let zero = _mm512_setzero_si512();
-            let root = |half| _mm512_cvtps_epi32(_mm512_sqrt_ps(_mm512_cvtepi32_ps(half)));
-            let [low, high] = [_mm512_unpacklo_epi16(a, zero), _mm512_unpackhi_epi16(a, zero)];
-            _mm512_packus_epi32(root(low), root(high))
+            let halves = [_mm512_unpacklo_epi16(a, zero), _mm512_unpackhi_epi16(a, zero)];
+            let [low, high] = each!([halves[0], halves[1]], |half| _mm512_cvtps_epi32(
+                _mm512_sqrt_ps(_mm512_cvtepi32_ps(half))
+            ));
+            _mm512_packus_epi32(low, high)
         })
     }
 
@@ -310,34 +352,24 @@ impl Simd for Avx512 {
 
     #[inline(always)]
     unsafe fn classify(self, table: &Classification, values: __m512i) -> [__m512i; 4] {
-        let eights: [i64; 8] = avx512!({
-            let quarters = [
-                _mm512_extracti64x2_epi64::<0>(values),
-                _mm512_extracti64x2_epi64::<1>(values),
-                _mm512_extracti64x2_epi64::<2>(values),
-                _mm512_extracti64x2_epi64::<3>(values),
-            ];
-            from_fn(|at| match at % 2 {
-                0 => _mm_cvtsi128_si64(quarters[at / 2]),
-                _ => _mm_extract_epi64::<1>(quarters[at / 2]),
-            })
-        });
-        let eights = eights.map(super::opaque);
-        let value = |at: usize| usize::from((eights[at / 4] >> (16 * (at % 4))) as u16);
-        // SAFETY: the caller promises that no value lies behind the table's last entry.
-        let entry = |at: usize| unsafe { table.entries().add(value(at)) };
+        let table = table.entries();
+        let quarters = avx512!([
+            _mm512_castsi512_si128(values),
+            _mm512_extracti64x2_epi64::<1>(values),
+            _mm512_extracti64x2_epi64::<2>(values),
+            _mm512_extracti64x2_epi64::<3>(values),
+        ]);
         // Samples 2 i and 2 i + 1 in the first quarter, those 8, 16 and 24 behind them in the others.
-        // SAFETY: `entry` is inside of the table; the instructions are there.
-        let pairs = |at: usize| unsafe {
-            let two = |at: usize| {
-                let first = _mm_castsi128_pd(_mm_loadl_epi64(entry(at).cast()));
-                _mm_castpd_si128(_mm_loadh_pd(first, entry(at + 1).cast()))
-            };
-            let four = |at| _mm256_inserti128_si256::<1>(_mm256_castsi128_si256(two(at)), two(at + 8));
-            _mm512_inserti64x4::<1>(_mm512_castsi256_si512(four(at)), four(at + 16))
-        };
-        let [a, b, c, d] = [pairs(0), pairs(2), pairs(4), pairs(6)];
-        avx512!({
+        // SAFETY: the caller promises that no value lies behind the table's last entry.
+        unsafe {
+            let low = each!([0, 1, 2, 3], |at| opaque(_mm_cvtsi128_si64(quarters[at])));
+            let high = each!([0, 1, 2, 3], |at| opaque(_mm_extract_epi64::<1>(quarters[at])));
+            let [a, b, c, d] = [
+                four_pairs(table, low),
+                four_pairs(table, each!([0, 1, 2, 3], |at| low[at] >> 32)),
+                four_pairs(table, high),
+                four_pairs(table, each!([0, 1, 2, 3], |at| high[at] >> 32)),
+            ];
             let [even, odd] = [_mm512_unpacklo_epi16(a, b), _mm512_unpackhi_epi16(a, b)];
             let [rg, ba] = [_mm512_unpacklo_epi16(even, odd), _mm512_unpackhi_epi16(even, odd)];
             let [even, odd] = [_mm512_unpacklo_epi16(c, d), _mm512_unpackhi_epi16(c, d)];
@@ -349,7 +381,7 @@ impl Simd for Avx512 {
                 _mm512_unpacklo_epi64(ba, ba_behind),
                 _mm512_unpackhi_epi64(ba, ba_behind),
             ]
-        })
+        }
     }
 
     fn map(self, map: &ReflectanceMap) -> Parities {
@@ -366,24 +398,14 @@ impl Simd for Avx512 {
 
     #[inline(always)]
     unsafe fn reflectance(self, map: &Parities, face: __m512i, u: __m512i, v: __m512i) -> __m512i {
-        let [u, v] = [u, v].map(|coordinate| Vertices::around(self, coordinate));
+        let [u, v] = [Vertices::around(self, u), Vertices::around(self, v)];
         let face = self.shift_left::<4>(face);
-        // In the lower byte of each lane what concerns the even vertex of u, in the upper byte the odd one.
-        let bytes = |even, odd| self.add(even, self.shift_left::<8>(odd));
-        let u_index = bytes(u.even, u.odd);
         let whole = self.splat(32);
-        let u_weights = bytes(u.even_weight, self.subtract(whole, u.even_weight));
-        let row = |tables: &[Bytes; 2], v: __m512i, weight: __m512i| {
-            let first = self.add(face, self.shift_left::<2>(v));
-            let index = self.add(bytes(first, first), u_index);
-            let even = bytes_at(&tables[0], LOWER, index);
-            let odd = bytes_at(&tables[1], !LOWER, index);
-            let row = avx512!(_mm512_maddubs_epi16(_mm512_or_si512(even, odd), u_weights));
-            // A row of at most 8160 times 8 and a weight times 2^10: the high half is row times weight / 8.
-            self.multiply_high(self.shift_left::<3>(row), avx512!(_mm512_slli_epi16::<10>(weight)))
-        };
-        let even = row(&map.0[0], v.even, v.even_weight);
-        let odd = row(&map.0[1], v.odd, self.subtract(whole, v.even_weight));
+        let [u_even, u_odd] = [u.even_weight, self.subtract(whole, u.even_weight)];
+        let across = Across { index: self.bytes(u.even, u.odd), weights: self.bytes(u_even, u_odd) };
+        let [v_even, v_odd] = [v.even_weight, self.subtract(whole, v.even_weight)];
+        let even = self.row(&map.0[0], self.add(face, self.shift_left::<2>(v.even)), v_even, &across);
+        let odd = self.row(&map.0[1], self.add(face, self.shift_left::<2>(v.odd)), v_odd, &across);
         let intensity = self.add(even, odd);
         self.add(intensity, self.shift_right::<8>(intensity))
     }

@@ -19,6 +19,20 @@ use super::line::Line;
 use super::tables::{Classification, ReflectanceMap};
 use vg500_regs::VoxelFormat;
 
+/// An expression for each of some values, as an array: `each!([a, b], |it| ...)`.
+///
+/// Kernels use it instead of closures: those are functions without the level's instructions until they are inlined,
+/// and the compiler does not inline long ones.
+macro_rules! each {
+    ([$($value:expr),* $(,)?], |$it:ident| $result:expr) => {
+        [$({
+            let $it = $value;
+            $result
+        }),*]
+    };
+}
+pub(crate) use each;
+
 /// The most lanes of any implementation; each divides it.
 pub const MOST_LANES: usize = 32;
 
@@ -195,7 +209,8 @@ impl<S: Simd> SimdExt for S {}
 /// A value of which the compiler knows nothing: it would make the slower gather instructions of look-ups.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-fn opaque(mut value: i64) -> i64 {
+fn opaque(value: i64) -> u64 {
+    let mut value = value.cast_unsigned();
     // SAFETY: nothing is executed.
     unsafe {
         core::arch::asm!("/* {0} */", inout(reg) value, options(pure, nomem, nostack, preserves_flags));
