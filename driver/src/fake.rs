@@ -134,6 +134,11 @@ impl FakeCard {
         lock(&self.inside).words[offset as usize / 4] = word;
     }
 
+    /// What a register holds.
+    pub(crate) fn word(&self, offset: u32) -> u32 {
+        lock(&self.inside).words[offset as usize / 4]
+    }
+
     /// The bytes of a mapped memory.
     pub(crate) fn view(&self, index: u32) -> SharedView<'_> {
         self.memories[index as usize].as_ref().unwrap().1.view()

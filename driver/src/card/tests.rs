@@ -1,12 +1,15 @@
 use std::time::{Duration, Instant};
 
 use vg500_regs::pci::VOXEL_MEMORY;
-use vg500_regs::table::{interface_version, mistakes, trapped_reads, trapped_writes};
+use vg500_regs::table::{
+    base_plane_size, eye_xy, eye_z, interface_version, interrupt_enable, mistakes, start_x, start_y, step_x,
+    step_y, trapped_reads, trapped_writes,
+};
 use vg500_regs::{FaultCode, FrameRegisters, PlaneFormat};
 
 use super::*;
 use crate::fake::{FakeCard, Setup, open, open_with};
-use crate::{Architecture, Renderer, SimdLevel};
+use crate::{Architecture, Rectangle, Renderer, SimdLevel, TableContent};
 
 fn refused(setup: Setup) -> String {
     Card::open(Box::new(FakeCard::new(setup))).unwrap_err().to_string()
@@ -103,23 +106,71 @@ fn every_way_of_completion_works() {
 }
 
 #[test]
+fn a_card_that_must_reach_host_memory_is_refused_if_it_does_not() {
+    let setup = Setup { needs_host_memory: true, reaches_host_memory: false, ..Setup::default() };
+    assert!(refused(setup).contains("share=on"));
+    let setup = Setup { needs_host_memory: true, host_memory: false, ..Setup::default() };
+    assert_eq!(refused(setup), "this way to the card has no host memory");
+    let (card, _fake) = open_with(Setup { reaches_host_memory: false, ..Setup::default() });
+    assert!(matches!(card.host_memory(1), Err(Error::NotSupported { .. })));
+}
+
+#[test]
+fn interrupts_that_nobody_receives_are_not_enabled() {
+    for interrupts in [false, true] {
+        let (card, fake) = open_with(Setup { interrupts, ..Setup::default() });
+        assert_eq!(fake.word(interrupt_enable::REGISTER.offset) != 0, interrupts);
+        card.reset().unwrap();
+        assert_eq!(fake.word(interrupt_enable::REGISTER.offset) != 0, interrupts);
+    }
+}
+
+#[test]
+fn a_steady_frame_in_a_guest_takes_twenty_accesses() {
+    let (card, fake) = open_with(Setup { bursts: false, memory_is_remote: true, ..Setup::default() });
+    let plane = card.allocate_plane(PlaneFormat::Rgba8).unwrap();
+    let mut accesses = 0;
+    for frame in 1..=3 {
+        let mut view = FrameRegisters::default();
+        for field in [start_x::POSITION, start_y::POSITION, step_x::STEP, step_y::STEP, eye_xy::X, eye_z::Z] {
+            view.set(field, frame);
+        }
+        view.set(base_plane_size::WIDTH, 9 + frame);
+        view.set(base_plane_size::HEIGHT, 9);
+        card.load_table(&TableContent::diffuse(&[frame as u8; 384])).unwrap();
+        fake.take_writes();
+        let reads = fake.reads();
+        let ticket = card.submit(&plane, &view).unwrap();
+        card.wait(ticket, Duration::from_secs(20)).unwrap();
+        card.report(ticket).unwrap();
+        card.fetch_pixels(&plane, Rectangle::of_size(9 + frame, 9)).unwrap();
+        let writes: usize = fake.take_writes().into_iter().map(|(_, words)| words).sum();
+        accesses = writes + fake.reads() - reads;
+    }
+    assert_eq!(accesses, 20);
+}
+
+#[test]
 fn a_reset_cancels_frames_and_starts_anew() {
     let (card, fake) = open();
     let plane = card.allocate_plane(PlaneFormat::Rgba8).unwrap();
     fake.hold(true);
     let mut wanted = FrameRegisters::default();
-    wanted.set(vg500_regs::table::start_x::POSITION, 5);
+    wanted.set(start_x::POSITION, 5);
+    let ended = card.allocate_plane(PlaneFormat::Rgba8).unwrap();
+    fake.hold(false);
+    let done = card.submit(&ended, &wanted).unwrap();
+    card.wait(done, Duration::from_secs(1)).unwrap();
+    fake.hold(true);
     let ticket = card.submit(&plane, &wanted).unwrap();
     card.reset().unwrap();
+    assert!(card.has_ended(done).unwrap());
+    assert!(matches!(card.report(done), Err(Error::StaleTicket { .. })), "the reset has wiped it");
     let error = card.wait(ticket, Duration::from_secs(1)).unwrap_err();
     assert!(matches!(error, Error::Refused { fault, .. } if fault.code == FaultCode::Cancelled), "{error}");
     fake.hold(false);
     let ticket = card.submit(&plane, &wanted).unwrap();
     card.wait(ticket, Duration::from_secs(1)).unwrap();
-    assert_eq!(
-        fake.frames()[1].get(vg500_regs::table::start_x::POSITION),
-        5,
-        "the shadow is that of a reset card"
-    );
+    assert_eq!(fake.frames()[2].get(start_x::POSITION), 5, "the shadow is that of a reset card");
     assert_eq!(card.completion(), Completion::Interrupt);
 }

@@ -1,7 +1,7 @@
 use vg500_regs::pci::PIXEL_MEMORY;
 
 use super::*;
-use crate::fake::open;
+use crate::fake::{Setup, open, open_with};
 
 #[test]
 fn planes_of_all_formats_share_pixel_memory() {
@@ -50,4 +50,32 @@ fn rows_of_a_rectangle_follow_one_another() {
     }
     let rectangle = Rectangle { column: 500, row: 9, width: 3, height: 2 };
     assert_eq!(card.read_pixels(&plane, rectangle).unwrap(), pixels);
+}
+
+#[test]
+fn pixels_of_a_remote_card_come_by_transfer_where_one_can_bring_them() {
+    for (memory_is_remote, reaches_host_memory, format, transferred) in [
+        (true, true, PlaneFormat::Rgba8, true),
+        (true, true, PlaneFormat::Accumulator64, false),
+        (false, true, PlaneFormat::Rgba8, false),
+        (true, false, PlaneFormat::Rgba8, false),
+    ] {
+        let (card, fake) = open_with(Setup { memory_is_remote, reaches_host_memory, ..Setup::default() });
+        let plane = card.allocate_plane(format).unwrap();
+        let start = plane_offset(format, plane.index(), 0, 0);
+        let stored: Vec<u8> = (0..plane_bytes(format)).map(|byte| (byte % 251) as u8).collect();
+        fake.view(PIXEL_MEMORY.index).write(start, &stored).unwrap();
+        fake.take_writes();
+        for rectangle in [
+            Rectangle { column: 3, row: 5, width: 7, height: 2 },
+            Rectangle::of_size(512, 512),
+            Rectangle { column: 511, row: 511, width: 1, height: 1 },
+        ] {
+            let expected = card.read_pixels(&plane, rectangle).unwrap();
+            assert_eq!(card.fetch_pixels(&plane, rectangle).unwrap(), expected);
+            assert_eq!(!fake.take_writes().is_empty(), transferred);
+        }
+        let outside = Rectangle { column: 512, row: 0, width: 1, height: 1 };
+        assert!(matches!(card.fetch_pixels(&plane, outside), Err(Error::RectangleOutside { .. })));
+    }
 }

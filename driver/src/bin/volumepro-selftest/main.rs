@@ -15,7 +15,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use serde::Serialize;
-use volumepro_driver::PciSelector;
+use volumepro_driver::{Error, PciSelector};
 
 use benchmark::Benchmark;
 use rig::{Failure, Rig};
@@ -107,6 +107,9 @@ fn run(arguments: &Arguments, results: &mut Results) {
     for (name, check) in checks {
         let clean = |detail| rig.expect_no_mistakes().map(|()| detail);
         results.note(name, check(&rig).and_then(clean));
+        if let Err(error @ Error::CardDead { .. }) = rig.card.mistakes() {
+            return results.note("alive", Err(error.into()));
+        }
     }
     results.note("strict-clean", strict_clean(&rig, arguments.strict));
     // Mistakes for a card in strict mode, from here on.

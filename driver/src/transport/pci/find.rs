@@ -1,11 +1,13 @@
 //! Cards among the PCI functions that Linux knows.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use vg500_regs::pci::{ALTERNATE_VENDOR_ID, DEVICE_ID, VENDOR_ID};
 
+use super::function::NO_ANSWER;
 use super::{PciAddress, PciSelector};
 use crate::Error;
 
@@ -36,6 +38,7 @@ pub(super) fn find(root: &Path, selector: PciSelector) -> Result<Found, Error> {
         (vendor, device) if is_card(vendor, device) => {}
         (vendor, device) => return Err(Error::Identity { vendor, device }),
     }
+    check_presence(&folder)?;
     let linked = |name| {
         let target = fs::read_link(folder.join(name)).ok()?;
         Some(target.file_name()?.to_string_lossy().into_owned())
@@ -58,6 +61,19 @@ fn first(devices: &Path) -> Result<PciAddress, Error> {
 
 fn is_card(vendor: u16, device: u16) -> bool {
     [VENDOR_ID, ALTERNATE_VENDOR_ID].contains(&vendor) && device == DEVICE_ID
+}
+
+/// Refuses a card that does not answer: what the system does to open it would take minutes. The files of the IDs
+/// say what was there when the machine started.
+fn check_presence(folder: &Path) -> Result<(), Error> {
+    let path = folder.join("config");
+    let mut word = [0; 4];
+    let read = File::open(&path).and_then(|file| file.read_exact_at(&mut word, 0));
+    read.map_err(|cause| Error::file("reading", &path, cause))?;
+    match word {
+        [0xff, 0xff, 0xff, 0xff] => Err(Error::CardDead { reason: NO_ANSWER.into() }),
+        _ => Ok(()),
+    }
 }
 
 /// Vendor and device ID.
@@ -96,6 +112,16 @@ mod tests {
         );
         fs::remove_dir_all(tree.root().join("sys")).unwrap();
         assert!(refused(&tree, "auto").contains("No such file"));
+    }
+
+    #[test]
+    fn a_card_that_does_not_answer_is_dead() {
+        let tree = FakeTree::new();
+        tree.add("0000:00:01.0", 0x1067, 0x1002);
+        tree.overwrite("0000:00:01.0", "config", &[0xff; 64]);
+        assert_eq!(refused(&tree, "auto"), "the card is dead: its configuration space reads as all ones");
+        fs::remove_file(tree.folder("0000:00:01.0").join("config")).unwrap();
+        assert!(refused(&tree, "auto").contains("0000:00:01.0/config: No such file"));
     }
 
     #[test]

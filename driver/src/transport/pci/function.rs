@@ -18,6 +18,9 @@ use crate::mapping::Mapping;
 /// Base address registers of a function.
 pub(super) const BARS: usize = 6;
 
+/// What a card that has left the bus does.
+pub(super) const NO_ANSWER: &str = "its configuration space reads as all ones";
+
 /// A range of a file that ends where the function's range does.
 #[derive(Clone, Debug)]
 pub(super) struct Window {
@@ -68,7 +71,7 @@ impl Function {
         self.alive()?;
         let word = self.config.read(offset.into())?;
         if offset == 0 && word == u32::MAX {
-            return Err(self.dead("its configuration space reads as all ones"));
+            return Err(self.dead(NO_ANSWER));
         }
         Ok(word)
     }
