@@ -59,8 +59,10 @@ struct Arguments {
     /// PCI vendor ID: 1067 or 10ba.
     #[arg(long, default_value = "1067", value_parser = vendor, value_name = "ID")]
     vendor: u16,
-    /// What happens to system calls that the card does not need: on ends the process, log writes them to the kernel's
-    /// log, off lets them pass. With on, files and networks are out of reach as well.
+    /// Restrict the process to what it needs once the card is set up: on, log or off.
+    ///
+    /// With on, files, networks and other processes are out of reach, and a system call that is not listed below ends
+    /// the process with a line that names it. With log, such calls are carried out and written to the kernel's log.
     #[arg(long, default_value = "on", value_parser = sandbox, value_name = "MODE")]
     sandbox: Mode,
 }

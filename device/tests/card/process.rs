@@ -15,21 +15,21 @@ use crate::peer::Peer;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_volumepro-device");
 
-fn command(words: &[&str]) -> Command {
+pub fn command(words: &[&str]) -> Command {
     let mut command = Command::new(PROGRAM);
     command.args(words).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
 
 /// Starts a process and waits until it is ready; returns the line that says so.
-fn ready(mut command: Command) -> (Child, String) {
+pub fn ready(mut command: Command) -> (Child, String) {
     let mut child = command.spawn().unwrap();
     let mut line = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
     (child, line)
 }
 
-fn end(mut child: Child, signal: Signal) -> (Option<i32>, String) {
+pub fn end(mut child: Child, signal: Signal) -> (Option<i32>, String) {
     kill_process(Pid::from_child(&child), signal).unwrap();
     let mut log = String::new();
     child.stderr.take().unwrap().read_to_string(&mut log).unwrap();
