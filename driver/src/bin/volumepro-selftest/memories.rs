@@ -1,6 +1,8 @@
 //! The mapped memories: what this process writes it reads again, and the card sees it; what the card writes this
 //! process sees.
 
+use std::ops::Range;
+
 use vg500_regs::memory::{plane_bytes, plane_offset};
 use vg500_regs::pci::{BARS, Bar, PIXEL_MEMORY, SECTION_MEMORY};
 use vg500_regs::table::output;
@@ -10,21 +12,28 @@ use volumepro_driver::{Error, Rectangle, TrappedAccesses};
 use crate::rig::{Failure, Rig, ensure};
 use crate::scene::{self, compare};
 
+/// Bytes that are written and compared at once.
+const PART: usize = 1 << 20;
+
 /// Every byte of every mapped memory holds what was written there, also while the others are written.
 pub fn patterns(rig: &Rig) -> Result<String, Failure> {
     let memories = BARS.into_iter().filter(|bar| bar.mapped);
     let mut bytes = 0;
     for bar in memories.clone() {
         let memory = rig.memory(bar)?;
-        memory.write(0, &pattern(bar, memory.size()))?;
+        for part in parts(memory.size()) {
+            memory.write(part.start, &pattern(bar, part))?;
+        }
         bytes += memory.size();
     }
     for bar in memories {
         let memory = rig.memory(bar)?;
-        let mut found = vec![0; memory.size()];
-        memory.read(0, &mut found)?;
-        let wrong = found.iter().zip(pattern(bar, memory.size())).position(|(found, put)| *found != put);
-        ensure(wrong.is_none(), || format!("BAR {} differs at byte {wrong:?}", bar.index))?;
+        for part in parts(memory.size()) {
+            let mut found = vec![0; part.len()];
+            memory.read(part.start, &mut found)?;
+            compare(&found, &pattern(bar, part.clone()))
+                .map_err(|error| format!("{} from byte {:#x} on: {error}", bar.name, part.start))?;
+        }
     }
     rig.expect_no_mistakes()?;
     // The driver does not know that its tables are gone.
@@ -33,10 +42,14 @@ pub fn patterns(rig: &Rig) -> Result<String, Failure> {
     Ok(format!("{} MiB written and read again", bytes >> 20))
 }
 
+fn parts(size: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..size).step_by(PART).map(move |start| start..size.min(start + PART))
+}
+
 /// Bytes that differ from memory to memory and do not repeat with any power of two.
-fn pattern(bar: Bar, size: usize) -> Vec<u8> {
+fn pattern(bar: Bar, range: Range<usize>) -> Vec<u8> {
     let seed = bar.index.wrapping_mul(0x9e37_79b9);
-    (0..size as u32).map(|at| (at.wrapping_add(seed).wrapping_mul(0x85eb_ca6b) >> 19) as u8).collect()
+    range.map(|at| ((at as u32).wrapping_add(seed).wrapping_mul(0x85eb_ca6b) >> 19) as u8).collect()
 }
 
 /// The card reads voxels and tables from the mapping, and this process its pixels.
@@ -56,7 +69,7 @@ pub fn frame(rig: &Rig) -> Result<String, Failure> {
 pub fn device_view(rig: &Rig) -> Result<String, Failure> {
     let plane = rig.card.allocate_plane(PlaneFormat::Rgba8)?;
     let start = plane_offset(plane.format(), plane.index(), 0, 0);
-    let written = pattern(PIXEL_MEMORY, plane_bytes(plane.format()));
+    let written = pattern(PIXEL_MEMORY, 0..plane_bytes(plane.format()));
     rig.memory(PIXEL_MEMORY)?.write(start, &written)?;
     let target = rig.card.host_memory(written.len())?;
     let whole = Rectangle::of_size(512, 512);
@@ -70,7 +83,7 @@ pub fn device_view(rig: &Rig) -> Result<String, Failure> {
 /// Section memory: the card writes it while it renders in sections, and the picture is the same.
 pub fn sections(rig: &Rig) -> Result<String, Failure> {
     let memory = rig.memory(SECTION_MEMORY)?;
-    let before = pattern(SECTION_MEMORY, memory.size());
+    let before = pattern(SECTION_MEMORY, 0..memory.size());
     memory.write(0, &before)?;
     let mut registers = rig.scene.registers.clone();
     registers.set(output::SECTIONS, 1);

@@ -74,13 +74,11 @@ pub fn picture() -> Vec<u8> {
 /// Names the first pixel that differs.
 pub fn compare(found: &[u8], expected: &[u8]) -> Result<(), String> {
     if found.len() != expected.len() {
-        return Err(format!("{} bytes of pixels instead of {}", found.len(), expected.len()));
+        return Err(format!("{} bytes instead of {}", found.len(), expected.len()));
     }
     match found.iter().zip(expected).position(|(found, expected)| found != expected) {
         None => Ok(()),
-        Some(byte) => {
-            Err(format!("byte {byte} of the pixels is {} instead of {}", found[byte], expected[byte]))
-        }
+        Some(byte) => Err(format!("byte {byte} is {} instead of {}", found[byte], expected[byte])),
     }
 }
 

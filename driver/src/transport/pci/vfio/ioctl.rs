@@ -68,9 +68,13 @@ unsafe impl Ioctl for Request {
 }
 
 /// Makes a request whose argument is a number.
-fn with_number(file: &File, number: u32, argument: usize) -> io::Result<i32> {
+///
+/// # Safety
+///
+/// The request takes a number, not an address.
+unsafe fn with_number(file: &File, number: u32, argument: usize) -> io::Result<i32> {
     let request = Request { number, argument: std::ptr::without_provenance_mut(argument) };
-    // SAFETY: only for requests that take a number, which the kernel does not dereference.
+    // SAFETY: the kernel does not dereference a number, which it takes the argument for, as the caller promises.
     Ok(unsafe { ioctl(file, request)? })
 }
 
@@ -90,16 +94,19 @@ const fn size<T>() -> u32 {
 }
 
 pub(super) fn api_version(container: &File) -> io::Result<i32> {
-    with_number(container, request::GET_API_VERSION, 0)
+    // SAFETY: the request takes no argument.
+    unsafe { with_number(container, request::GET_API_VERSION, 0) }
 }
 
 /// Whether there is an IOMMU of type 1.
 pub(super) fn has_type1(container: &File) -> io::Result<bool> {
-    Ok(with_number(container, request::CHECK_EXTENSION, VFIO_TYPE1v2_IOMMU as usize)? > 0)
+    // SAFETY: the request takes a number.
+    Ok(unsafe { with_number(container, request::CHECK_EXTENSION, VFIO_TYPE1v2_IOMMU as usize)? } > 0)
 }
 
 pub(super) fn set_type1(container: &File) -> io::Result<()> {
-    with_number(container, request::SET_IOMMU, VFIO_TYPE1v2_IOMMU as usize).map(drop)
+    // SAFETY: the request takes a number.
+    unsafe { with_number(container, request::SET_IOMMU, VFIO_TYPE1v2_IOMMU as usize) }.map(drop)
 }
 
 /// Whether all devices of a group are in the hands of vfio-pci, or of no driver.
@@ -177,7 +184,8 @@ pub(super) fn set_irqs(device: &File, index: u32, events: &[BorrowedFd<'_>]) -> 
 }
 
 pub(super) fn reset(device: &File) -> io::Result<()> {
-    with_number(device, request::DEVICE_RESET, 0).map(drop)
+    // SAFETY: the request takes no argument.
+    unsafe { with_number(device, request::DEVICE_RESET, 0) }.map(drop)
 }
 
 /// A `vfio_iommu_type1_info` with its capabilities, as bytes.
