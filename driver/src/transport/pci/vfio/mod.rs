@@ -59,7 +59,10 @@ impl Vfio {
             return Err(Error::SharedGroup { group: number.clone() });
         }
         ioctl::set_container(&group, &container).map_err(asking("VFIO_GROUP_SET_CONTAINER"))?;
-        ioctl::set_type1(&container).map_err(asking("VFIO_SET_IOMMU"))?;
+        ioctl::set_type1(&container).map_err(asking(
+            "VFIO_SET_IOMMU (does the IOMMU remap interrupts, as with intremap=on? If not, vfio_iommu_type1 wants \
+             allow_unsafe_interrupts)",
+        ))?;
         let info = ioctl::iommu_info(&container).map_err(asking("VFIO_IOMMU_GET_INFO"))?;
         let device =
             ioctl::device(&group, &found.address.to_string()).map_err(asking("VFIO_GROUP_GET_DEVICE_FD"))?;
