@@ -127,18 +127,28 @@ fn arguments_that_are_wrong() {
         (vec!["--light", "0,0,0"], "--light"),
         (vec!["--background", "1,2"], "--background"),
         (vec!["--device", "nonsense"], "nonsense"),
-        (vec!["--device", "pci:0000:00:05.0"], "pci"),
+        (vec!["--device", "pci:nonsense"], "'nonsense'"),
         (vec!["--renderer", "optimised"], "--renderer"),
+        (vec!["--architecture", "cube4"], "--architecture cube4 is not served yet"),
         (vec!["--simd", "avx512"], "--simd"),
         (vec!["--threads", "7"], "--threads"),
         (vec!["--sections"], "--sections"),
         (vec!["--explain=time"], "--explain=time"),
+        (vec!["--explain=foo"], "[possible values: time]"),
+        (vec!["--device", "socket:"], "path"),
+        (vec!["--device", "socket:missing"], "missing: No such file"),
+        (vec!["--device", "socket:."], "is not a socket"),
+        (vec!["--azimuth", "nan"], "'nan' is not finite"),
+        (vec!["--parallel-scale", "1e300"], "parallel scale 1e300 is"),
         (vec!["--frames", "0"], "--frames"),
+        (vec!["--frames", "-1"], "-1 is not in 1"),
+        (vec!["--threads", "-1"], "-1 is not in 1"),
+        (vec!["--size", "-5x5"], "-5x5"),
         (vec!["--supersample", "-1,1,1"], "supersampl"),
         (vec!["--background", "-1,0,0"], "0..255"),
         (vec!["--material", "-1,0,0,0"], "--material"),
         (vec!["--raw-shape", "2,2,2", "--raw-type", "uint8"], "--raw-shape"),
-        (vec!["--renderer", "ideal", "--device", "nonsense"], "ideal"),
+        (vec!["--renderer", "ideal", "--device", "socket:card.sock"], "ideal"),
         (vec!["--renderer", "ideal", "--threads", "3"], "ideal"),
     ] {
         let all: Vec<&str> = phantom.iter().copied().chain(arguments).collect();
@@ -157,4 +167,148 @@ fn arguments_that_are_wrong() {
         "no/such/folder",
     );
     assert!(!folder.path().join("out.png").exists());
+}
+
+#[test]
+fn options_without_effect() {
+    let folder = tempfile::tempdir().unwrap();
+    let phantom = ["render", "--phantom", "sphere", "--phantom-size", "8", "-o", "out.png"];
+    for (arguments, words) in [
+        ("--light 0,0,1 --shading off", ["--light ", "--shading off"]),
+        ("--light 0,0,1 --blend sum", ["--light ", "--blend sum"]),
+        ("--light 0,0,1 --material 1,0,0,1", ["--light ", "--material"]),
+        ("--material 1,0,0,1 --blend mip", ["--material ", "--blend mip"]),
+        ("--material 1,0,0,1 --shading off", ["--material ", "--shading off"]),
+        ("--modulate diffuse --blend minip", ["--modulate diffuse", "--blend minip"]),
+        ("--modulate opacity,specular --shading off", ["--modulate specular", "--shading off"]),
+        ("--modulate diffuse --material 1,0,1,1", ["--modulate diffuse", "--material"]),
+        ("--modulate specular --material 1,1,0,1", ["--modulate specular", "--material"]),
+        ("--modulate opacity --blend mip", ["--modulate opacity", "--blend mip"]),
+        ("--gradient-table 0,0,0,0,1,1,1,1", ["--gradient-table", "--modulate"]),
+        ("--position 1,2,3", ["--position", "--focal"]),
+        ("--focal 1,2,3", ["--focal", "--position"]),
+        ("--preset smooth --transfer x.csv", ["--preset", "--transfer"]),
+        ("--raw-type uint8", ["--raw-type", "--raw-shape"]),
+        ("--raw-endian big", ["--raw-endian", "--raw-shape"]),
+        ("--raw-spacing 1,1,1", ["--raw-spacing", "--raw-shape"]),
+        ("--raw-shape 1,1,1", ["--raw-shape", "--raw-type"]),
+        ("--raw-shape 1,1,1 --raw-type uint8", ["--raw-shape", "VOLUME"]),
+        ("--nan 0", ["--nan", "VOLUME"]),
+        ("--renderer ideal --simd portable", ["--simd", "--renderer ideal"]),
+        ("--renderer ideal --threads 1", ["--threads", "--renderer ideal"]),
+    ] {
+        let all: Vec<&str> = phantom.into_iter().chain(arguments.split(' ')).collect();
+        for words in words {
+            refused(folder.path(), &all, words);
+        }
+    }
+    assert!(!folder.path().join("out.png").exists());
+}
+
+#[test]
+fn commands_that_are_missing_or_not_served() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, words) in [
+        (vec![], "a command is missing"),
+        (vec!["rendre"], "'rendre'"),
+        (vec!["report", "a.nrrd", "-o", "folder"], "report: this command is not served yet"),
+        (vec!["sdk", "--prefix", "folder"], "sdk: this command is not served yet"),
+        (vec!["phantom", "sphere", "--size", "-3", "-o", "out.nrrd"], "1..=1024"),
+        (vec!["phantom", "engine-block", "--size", "1024", "-o", "no/folder/out.nrrd"], "no/folder"),
+        (vec!["phantom", "engine-block", "--size", "1024", "-o", "."], ".: is a directory"),
+        (vec!["info", "--raw-type", "uint8", "missing"], "--raw-shape"),
+        (vec!["info", "two\nlines"], "two\\nlines: No such file"),
+    ] {
+        refused(folder.path(), &arguments, words);
+    }
+}
+
+#[test]
+fn volumes_too_large_are_refused_before_they_are_read_or_computed() {
+    let folder = tempfile::tempdir().unwrap();
+    // Two gigabytes that take no room on the disk.
+    fs::File::create(folder.path().join("large.raw")).unwrap().set_len(1 << 31).unwrap();
+    let raw = ["--raw-shape", "2048,1024,1024", "--raw-type", "uint8", "-o", "out.png"];
+    let begun = std::time::Instant::now();
+    refused(
+        folder.path(),
+        &[&["render", "large.raw"][..], &raw].concat(),
+        "large.raw: 2048 x 1024 x 1024 voxels",
+    );
+    refused(
+        folder.path(),
+        &["render", "--phantom-size", "1024", "-o", "out.png"],
+        "more than 256 along an axis are not served yet",
+    );
+    assert!(begun.elapsed().as_secs() < 2, "{:?}", begun.elapsed());
+}
+
+#[test]
+fn values_that_replace_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("nan.raw"), f32::NAN.to_le_bytes()).unwrap();
+    let info = ["info", "nan.raw", "--raw-shape", "1,1,1", "--raw-type", "float"];
+    for (value, words) in [
+        ("nan", "'nan' is not finite"),
+        ("-inf", "'-inf' is not finite"),
+        ("1e39", "--nan 1e39: is infinite as float"),
+    ] {
+        refused(folder.path(), &[&info[..], &["--nan", value]].concat(), words);
+    }
+    refused(folder.path(), &info, "--nan VALUE would replace");
+    assert!(run(folder.path(), &[&info[..], &["--nan", "-2.5"]].concat()).status.success());
+}
+
+#[test]
+fn pipes_are_no_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = Command::new("mkfifo").arg(folder.path().join("pipe")).status().unwrap();
+    assert!(made.success());
+    refused(folder.path(), &["info", "pipe"], "pipe: is not a regular file");
+    let render = ["render", "--phantom", "sphere", "--phantom-size", "8", "-o", "out.png"];
+    refused(folder.path(), &[&render[..], &["--transfer", "pipe"]].concat(), "pipe: is not a regular file");
+}
+
+#[test]
+fn a_picture_that_cannot_be_written_leaves_the_one_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let render = ["render", "--phantom", "sphere", "--phantom-size", "8", "-o", "out.png"];
+    // The card's memories are files, too; the ideal renderer has none.
+    let render = [&render[..], &["--renderer", "ideal"]].concat();
+    fs::write(folder.path().join("out.png"), "before").unwrap();
+    let script = "ulimit -f 1; trap '' XFSZ; exec \"$0\" \"$@\"";
+    let result = Command::new("sh")
+        .args(["-c", script, VOLUMEPRO])
+        .args(&render)
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let message = String::from_utf8(result.stderr).unwrap();
+    assert_eq!(result.status.code(), Some(1), "{message}");
+    assert!(message.lines().last().unwrap().contains("out.png: File too large"), "{message}");
+    assert_eq!(fs::read_to_string(folder.path().join("out.png")).unwrap(), "before");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    assert!(run(folder.path(), &render).status.success());
+    assert!(fs::read(folder.path().join("out.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn pictures_go_to_standard_output_and_readers_may_leave() {
+    let folder = tempfile::tempdir().unwrap();
+    let render = ["render", "--phantom", "sphere", "--phantom-size", "8", "-o", "/dev/stdout"];
+    let result = run(folder.path(), &render);
+    assert!(result.status.success());
+    assert!(result.stdout.starts_with(b"\x89PNG") && result.stdout.ends_with(b"IEND\xaeB\x60\x82"));
+    for arguments in ["info sphere.nrrd", "--help", "render --phantom-size 8 -o out.png --stats json"] {
+        let phantom = run(folder.path(), &["phantom", "sphere", "--size", "8", "-o", "sphere.nrrd"]);
+        assert!(phantom.status.success());
+        let script = format!(
+            "({VOLUMEPRO} {arguments}; echo $? >code) | true; while ! [ -s code ]; do sleep 0.01; done"
+        );
+        let result = Command::new("sh").arg("-c").arg(script).current_dir(folder.path()).output().unwrap();
+        let message = String::from_utf8(result.stderr).unwrap();
+        assert!(!message.contains("volumepro:"), "{arguments}: {message}");
+        assert_eq!(fs::read_to_string(folder.path().join("code")).unwrap(), "0\n", "{arguments}");
+        fs::remove_file(folder.path().join("code")).unwrap();
+    }
 }

@@ -19,6 +19,7 @@ pub mod illumination;
 mod lookup_table;
 mod passes;
 pub mod phantom;
+mod text;
 pub mod transfer;
 pub mod values;
 mod volume;

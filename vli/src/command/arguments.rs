@@ -1,15 +1,17 @@
 //! The command line.
 
-use super::lists::{CropList, CutPlaneList, LightList, Numbers, Size};
-use crate::phantom::{DEFAULT_SIZE, Phantom};
+use super::lists::{BackgroundList, CropList, CutPlaneList, Device, LightList, Numbers, Size, number};
+use crate::file::ScalarType;
+use crate::phantom::{DEFAULT_SIZE, MAXIMUM_SIZE, Phantom};
 use crate::transfer::Preset;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::str::FromStr;
 
 /// Renders volumes on an emulated VolumePro 500.
 #[derive(Debug, Parser)]
-#[command(name = "volumepro", version, about = "Renders volumes on an emulated VolumePro 500")]
+#[command(name = "volumepro", version, arg_required_else_help = false)]
 pub struct Arguments {
     /// What to do.
     #[command(subcommand)]
@@ -34,12 +36,31 @@ pub enum Command {
         #[arg(value_parser = Phantom::from_str)]
         name: Phantom,
         /// Voxels along each axis.
-        #[arg(long = "size", value_name = "N", default_value_t = DEFAULT_SIZE)]
+        #[arg(long = "size", value_name = "N", default_value_t = DEFAULT_SIZE, value_parser = phantom_size,
+            allow_negative_numbers = true)]
         size: usize,
         /// File to write.
         #[arg(short, long, value_name = "FILE.nrrd")]
         output: PathBuf,
     },
+    /// Measure frame rates (not served yet).
+    Bench(NotServed),
+    /// Measure error against run time over settings (not served yet).
+    Report(NotServed),
+    /// Install library and header for C++ programs (not served yet).
+    Sdk(NotServed),
+}
+
+/// What a command takes that is not served yet.
+#[derive(Debug, Args)]
+pub struct NotServed {
+    #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
+    _rest: Vec<OsString>,
+}
+
+fn phantom_size(text: &str) -> Result<usize, String> {
+    let size = text.parse().ok().filter(|size| (1..=MAXIMUM_SIZE).contains(size));
+    size.ok_or_else(|| format!("a whole number 1..={MAXIMUM_SIZE} is wanted"))
 }
 
 /// What `render` takes.
@@ -50,13 +71,14 @@ pub struct Render {
     #[arg(long, help = phantom_help(), value_name = "NAME", conflicts_with = "volume", value_parser = Phantom::from_str)]
     pub phantom: Option<Phantom>,
     /// Voxels along each axis of the phantom.
-    #[arg(long, value_name = "N", conflicts_with = "volume", default_value_t = DEFAULT_SIZE)]
+    #[arg(long, value_name = "N", conflicts_with = "volume", default_value_t = DEFAULT_SIZE,
+        value_parser = phantom_size, allow_negative_numbers = true)]
     pub phantom_size: usize,
     /// PNG file to write.
     #[arg(short, long, value_name = "FILE.png")]
     pub output: PathBuf,
     /// Picture size in pixels.
-    #[arg(long, value_name = "WxH", default_value = "512x512")]
+    #[arg(long, value_name = "WxH", default_value = "512x512", allow_hyphen_values = true)]
     pub size: Size,
     #[command(flatten)]
     pub view: View,
@@ -67,11 +89,13 @@ pub struct Render {
     #[command(flatten)]
     pub input: Input,
     /// Render the same view N times; times reported are medians.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = value_parser!(u32).range(1..=100_000),
+        allow_negative_numbers = true)]
     pub frames: u32,
-    /// Say on standard error what the frame needed and what was left out; `=time` also measures what it saved.
-    #[arg(long, value_name = "time", num_args = 0..=1, require_equals = true, default_missing_value = "")]
-    pub explain: Option<String>,
+    /// Say on standard error what the frame needed and what was left out; `=time` also measures what it saved (not
+    /// served yet).
+    #[arg(long, value_name = "WHAT", num_args = 0..=1, require_equals = true)]
+    pub explain: Option<Option<Explained>>,
     /// Print statistics on standard output.
     #[arg(long, value_name = "FORMAT")]
     pub stats: Option<StatsFormat>,
@@ -91,30 +115,33 @@ fn preset_help() -> String {
 #[derive(Debug, Args)]
 pub struct View {
     /// Turn the camera around the volume, degrees.
-    #[arg(long, value_name = "DEG", conflicts_with_all = ["position", "focal"], allow_hyphen_values = true)]
+    #[arg(long, value_name = "DEG", value_parser = number, conflicts_with_all = ["position", "focal"],
+        allow_hyphen_values = true)]
     pub azimuth: Option<f64>,
     /// Raise the camera over the volume, degrees.
-    #[arg(long, value_name = "DEG", conflicts_with_all = ["position", "focal"], allow_hyphen_values = true)]
+    #[arg(long, value_name = "DEG", value_parser = number, conflicts_with_all = ["position", "focal"],
+        allow_hyphen_values = true)]
     pub elevation: Option<f64>,
     /// Where the camera is.
-    #[arg(long, value_name = "X,Y,Z", requires = "focal", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub position: Option<Numbers<3>>,
     /// What the camera looks at.
-    #[arg(long, value_name = "X,Y,Z", requires = "position", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub focal: Option<Numbers<3>>,
     /// Which direction is up in the picture.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub up: Option<Numbers<3>>,
     /// Half the height of the picture in millimetres.
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
     pub parallel_scale: Option<f64>,
 }
 
 /// How the volume looks.
 #[derive(Debug, Args)]
 pub struct Look {
-    #[arg(long, help = preset_help(), value_name = "NAME", conflicts_with = "transfer")]
-    pub preset: Option<String>,
+    #[arg(long, help = preset_help(), value_name = "NAME", conflicts_with = "transfer",
+        value_parser = Preset::from_str)]
+    pub preset: Option<Preset>,
     /// CSV file with header value,red,green,blue,opacity: value in the data's units, the rest 0..1, opacity per
     /// smallest voxel spacing.
     #[arg(long, value_name = "FILE")]
@@ -128,14 +155,9 @@ pub struct Look {
     /// A light: direction of travel in camera space, and intensity 0..1. May be repeated.
     #[arg(long, value_name = "X,Y,Z[,I]", allow_hyphen_values = true)]
     pub light: Vec<LightList>,
-    /// Emissive, diffuse and specular coefficients 0..1 and specular exponent.
-    #[arg(
-        long,
-        allow_hyphen_values = true,
-        value_name = "KE,KD,KS,EXPONENT",
-        default_value = "0.2,0.9,0.3,24"
-    )]
-    pub material: Numbers<4>,
+    /// Emissive, diffuse and specular coefficients 0..1 and specular exponent [default: 0.2,0.9,0.3,24].
+    #[arg(long, value_name = "KE,KD,KS,EXPONENT", allow_hyphen_values = true)]
+    pub material: Option<Numbers<4>>,
     /// What the gradient magnitude modulates.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub modulate: Vec<Modulated>,
@@ -156,7 +178,7 @@ pub struct Look {
     pub cursor: Option<Numbers<3>>,
     /// Colour behind the volume, 0..255 each, or `transparent`.
     #[arg(long, allow_hyphen_values = true, value_name = "R,G,B|transparent", default_value = "0,0,0")]
-    pub background: super::lists::BackgroundList,
+    pub background: BackgroundList,
 }
 
 /// Which card renders.
@@ -164,7 +186,7 @@ pub struct Look {
 pub struct Card {
     /// embedded, socket:PATH or pci:ADDRESS.
     #[arg(long, value_name = "DEVICE", default_value = "embedded")]
-    pub device: String,
+    pub device: Device,
     /// Which renderer the card runs; `ideal` bypasses the card.
     #[arg(long, value_name = "NAME")]
     pub renderer: Option<RendererName>,
@@ -175,9 +197,9 @@ pub struct Card {
     #[arg(long, value_name = "LEVEL")]
     pub simd: Option<Simd>,
     /// Threads that the card's engine uses.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = value_parser!(u16).range(1..), allow_negative_numbers = true)]
     pub threads: Option<u16>,
-    /// Render section by section, 32 voxels wide.
+    /// Render section by section, 32 voxels wide (not served yet).
     #[arg(long)]
     pub sections: bool,
 }
@@ -188,27 +210,21 @@ pub struct Input {
     /// Values that become the ends of the card's range, or of grey where values are kept.
     #[arg(long, value_name = "LO,HI", allow_hyphen_values = true)]
     pub range: Option<Numbers<2>>,
-    /// Value that replaces samples that are no number or infinite.
-    #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
+    /// Number that replaces samples that are no number or infinite.
+    #[arg(long, value_name = "VALUE", value_parser = number, allow_hyphen_values = true)]
     pub nan: Option<f64>,
     /// Read a file without header: voxels along x, y, z.
-    #[arg(long, allow_hyphen_values = true, value_name = "X,Y,Z", requires = "raw_type")]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub raw_shape: Option<Numbers<3>>,
     /// Scalar type of a file without header, as NRRD names it.
-    #[arg(long, value_name = "T", requires = "raw_shape")]
-    pub raw_type: Option<String>,
-    /// Byte order of a file without header.
-    #[arg(long, value_name = "E", requires = "raw_shape", default_value = "little")]
-    pub raw_endian: Endian,
-    /// Voxel spacing of a file without header, millimetres.
-    #[arg(
-        long,
-        allow_hyphen_values = true,
-        value_name = "X,Y,Z",
-        requires = "raw_shape",
-        default_value = "1,1,1"
-    )]
-    pub raw_spacing: Numbers<3>,
+    #[arg(long, value_name = "T", value_parser = ScalarType::from_str)]
+    pub raw_type: Option<ScalarType>,
+    /// Byte order of a file without header [default: little].
+    #[arg(long, value_name = "E")]
+    pub raw_endian: Option<Endian>,
+    /// Voxel spacing of a file without header, millimetres [default: 1,1,1].
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub raw_spacing: Option<Numbers<3>>,
 }
 
 /// Blend modes.
@@ -240,28 +256,46 @@ pub enum Modulated {
 
 /// Renderers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[allow(missing_docs, reason = "the names are the meaning")]
 pub enum RendererName {
+    /// 64-bit floating point, no card.
     Ideal,
+    /// The card's arithmetic, stage by stage.
     Reference,
+    /// The same, fast (not served yet).
     Optimised,
 }
 
 /// Architectures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[allow(missing_docs, reason = "the names are the meaning")]
 pub enum Architecture {
+    /// The VolumePro 500's chip.
     Vg500,
+    /// Cube-4 (not served yet).
+    Cube4,
+    /// Adaptive sampling along rays (not served yet).
+    Adaptive,
+    /// Texture-mapping hardware (not served yet).
+    Texture,
 }
 
 /// SIMD levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[allow(missing_docs, reason = "the names are the meaning")]
 pub enum Simd {
+    /// The card's choice.
     Auto,
+    /// Not served yet.
     Avx512,
+    /// Not served yet.
     Avx2,
+    /// None beyond what every processor has.
     Portable,
+}
+
+/// What `--explain` also measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Explained {
+    /// Time that was saved (not served yet).
+    Time,
 }
 
 /// Byte orders.
@@ -278,4 +312,9 @@ pub enum Endian {
 pub enum StatsFormat {
     Json,
     Text,
+}
+
+/// The name of a value on the command line.
+pub fn name(value: impl ValueEnum) -> String {
+    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }

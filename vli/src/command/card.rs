@@ -1,13 +1,16 @@
 //! The card that the arguments ask for.
 
-use super::arguments::{Architecture, Card as CardArguments, RendererName, Simd};
+use super::arguments::{Architecture, Card as CardArguments, RendererName, Simd, name};
 use super::error::Error;
 use super::input::Loaded;
+use super::lists::Device;
+use super::messages::say;
 use crate::transfer::TransferFunction;
 use crate::{BasePlane, Board, Context};
+use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 use std::time::Duration;
-use volumepro_driver::{Card, CardInfo, PciCard, PciSelector, Transport, VfioUser};
+use volumepro_driver::{Card, CardInfo, PciCard, Transport, VfioUser};
 
 /// How long the card may take to answer a message.
 const ANSWER: Duration = Duration::from_secs(20);
@@ -36,10 +39,6 @@ impl Target {
     /// Opens what the arguments name.
     pub fn open(arguments: &CardArguments, transfer: TransferFunction) -> Result<Self, Error> {
         if arguments.renderer == Some(RendererName::Ideal) {
-            let cards = arguments.device != "embedded" || arguments.simd.and_then(simd).is_some();
-            if cards || arguments.threads.is_some() {
-                return Err(Error::input("--renderer ideal has no card: no --device, --simd or --threads"));
-            }
             return Ok(Self::Ideal(transfer));
         }
         Ok(Self::Board(Box::new(open(arguments)?)))
@@ -74,8 +73,8 @@ impl Target {
                 }
             }
             Self::Ideal(_) => Description {
-                renderer: renderer(RendererName::Ideal),
-                architecture: architecture(Architecture::Vg500),
+                renderer: name(RendererName::Ideal),
+                architecture: name(Architecture::Vg500),
                 simd: "portable".into(),
                 threads: std::thread::available_parallelism().map_or(1, |threads| threads.get() as u32),
             },
@@ -96,24 +95,31 @@ fn ideal(_: &Context, _: &Loaded, _: &TransferFunction) -> Result<BasePlane, Err
 
 /// Opens the card that the arguments name and checks that it is what they ask for.
 fn open(arguments: &CardArguments) -> Result<Board, Error> {
-    let device = arguments.device.as_str();
-    let board = if device == "embedded" {
-        embedded()?
-    } else if let Some(path) = device.strip_prefix("socket:") {
-        let transport = VfioUser::connect(Path::new(path), ANSWER).map_err(Error::failure)?;
-        Board::new(Card::open(Box::new(transport)).map_err(Error::failure)?)
-    } else if let Some(selector) = device.strip_prefix("pci:") {
-        let selector = selector
-            .parse::<PciSelector>()
-            .map_err(|error| Error::input(format!("--device {device}: {error}")))?;
-        let transport = PciCard::open(selector).map_err(Error::failure)?;
-        eprintln!("card: {}", transport.description());
-        Board::new(Card::open(Box::new(transport)).map_err(Error::failure)?)
-    } else {
-        return Err(Error::input(format!("--device {device}: none of embedded, socket:PATH, pci:ADDRESS")));
+    let board = match &arguments.device {
+        Device::Embedded => embedded()?,
+        Device::Socket(path) => {
+            check_socket(path)?;
+            let transport = VfioUser::connect(path, ANSWER).map_err(Error::failure)?;
+            Board::new(Card::open(Box::new(transport)).map_err(Error::failure)?)
+        }
+        Device::Pci(selector) => {
+            let transport = PciCard::open(*selector).map_err(Error::failure)?;
+            say(format_args!("card: {}", transport.description()));
+            Board::new(Card::open(Box::new(transport)).map_err(Error::failure)?)
+        }
     };
     check(arguments, board.card().info())?;
     Ok(board)
+}
+
+/// A path where no socket is cannot become one by waiting.
+fn check_socket(path: &Path) -> Result<(), Error> {
+    let what = match path.metadata() {
+        Ok(metadata) if metadata.file_type().is_socket() => return Ok(()),
+        Ok(_) => "is not a socket".to_owned(),
+        Err(error) => error.to_string(),
+    };
+    Err(Error::input(format!("--device socket:{}: {what}", path.display())))
 }
 
 #[cfg(feature = "embedded")]
@@ -129,9 +135,9 @@ fn embedded() -> Result<Board, Error> {
 /// Options of the device must be what the card reports; the embedded card has no others yet.
 fn check(arguments: &CardArguments, info: &CardInfo) -> Result<(), Error> {
     let asked = [
-        ("renderer", arguments.renderer.map(renderer), info.renderer.to_string()),
-        ("architecture", arguments.architecture.map(architecture), info.architecture.to_string()),
-        ("simd", arguments.simd.and_then(simd), info.simd.to_string()),
+        ("renderer", arguments.renderer.map(name), info.renderer.to_string()),
+        ("architecture", arguments.architecture.map(name), info.architecture.to_string()),
+        ("simd", arguments.simd.filter(|level| *level != Simd::Auto).map(name), info.simd.to_string()),
         ("threads", arguments.threads.map(|threads| threads.to_string()), info.threads.to_string()),
     ];
     for (option, wanted, found) in asked {
@@ -140,29 +146,4 @@ fn check(arguments: &CardArguments, info: &CardInfo) -> Result<(), Error> {
         }
     }
     Ok(())
-}
-
-fn renderer(name: RendererName) -> String {
-    match name {
-        RendererName::Ideal => "ideal",
-        RendererName::Reference => "reference",
-        RendererName::Optimised => "optimised",
-    }
-    .into()
-}
-
-fn architecture(name: Architecture) -> String {
-    match name {
-        Architecture::Vg500 => "vg500",
-    }
-    .into()
-}
-
-fn simd(level: Simd) -> Option<String> {
-    match level {
-        Simd::Auto => None,
-        Simd::Avx512 => Some("avx512".into()),
-        Simd::Avx2 => Some("avx2".into()),
-        Simd::Portable => Some("portable".into()),
-    }
 }

@@ -1,3 +1,5 @@
+//! Why the command fails, and its exit code.
+
 use crate::RenderError;
 use crate::geometry::GeometryError;
 use std::process::ExitCode;

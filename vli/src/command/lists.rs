@@ -1,6 +1,8 @@
-//! Arguments that are lists of numbers.
+//! Arguments that are numbers, lists of them, or names with something behind them.
 
+use std::path::PathBuf;
 use std::str::FromStr;
+use volumepro_driver::PciSelector;
 
 /// Exactly `N` numbers, separated by commas.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,7 +18,8 @@ impl<const N: usize> FromStr for Numbers<N> {
     }
 }
 
-fn number(text: &str) -> Result<f64, String> {
+/// A finite number.
+pub fn number(text: &str) -> Result<f64, String> {
     let number = f64::from_str(text.trim()).map_err(|_| format!("'{text}' is not a number"))?;
     if number.is_finite() { Ok(number) } else { Err(format!("'{text}' is not finite")) }
 }
@@ -99,7 +102,7 @@ impl FromStr for CropList {
 }
 
 fn crop_flags(text: &str) -> Result<u32, String> {
-    let flags = match text.strip_prefix("0x") {
+    let flags = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(digits) => u32::from_str_radix(digits, 16),
         None => u32::from_str(text),
     };
@@ -150,6 +153,31 @@ impl FromStr for BackgroundList {
     }
 }
 
+/// Which card renders.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Device {
+    /// The one of this process.
+    Embedded,
+    /// The one behind a socket.
+    Socket(PathBuf),
+    /// One on the PCI bus.
+    Pci(PciSelector),
+}
+
+impl FromStr for Device {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.split_once(':') {
+            None if text == "embedded" => Ok(Self::Embedded),
+            Some(("socket", "")) => Err("the path of the socket is missing".into()),
+            Some(("socket", path)) => Ok(Self::Socket(path.into())),
+            Some(("pci", address)) => address.parse().map(Self::Pci).map_err(|error| error.to_string()),
+            _ => Err("none of embedded, socket:PATH, pci:ADDRESS".into()),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -174,6 +202,9 @@ mod tests {
         for text in ["1,2", "1,2,256", "black", "1,2,3,4"] {
             assert!(BackgroundList::from_str(text).is_err(), "{text}");
         }
+        for text in ["", "embedded:", "socket", "socket:", "pci:x", "usb:1", "Embedded"] {
+            assert!(Device::from_str(text).is_err(), "{text}");
+        }
     }
 
     #[test]
@@ -183,6 +214,8 @@ mod tests {
         assert_eq!(LightList::from_str("0,0,-1,0.5").unwrap().intensity, 0.5);
         assert_eq!(CropList::from_str("-1,1,2,3,4,5").unwrap().flags, 7);
         assert_eq!(CropList::from_str("-1,1,2,3,4,5,0x3421").unwrap().flags, 0x3421);
+        assert_eq!(CropList::from_str("-1,1,2,3,4,5,0X15").unwrap().flags, 0x15);
+        assert_eq!(Device::from_str("socket:a:b"), Ok(Device::Socket("a:b".into())));
         assert!(CutPlaneList::from_str("1,0,0,-5,2,0,outside").unwrap().outside);
         assert_eq!(BackgroundList::from_str("1,2,255"), Ok(BackgroundList(Some([1, 2, 255]))));
         assert_eq!(BackgroundList::from_str("transparent"), Ok(BackgroundList(None)));

@@ -14,6 +14,19 @@ use vg500_regs::BlendMode;
 /// The light where none is asked for: from the viewer.
 const LIGHT: LightList = LightList { direction: [0.0, 0.0, -1.0], intensity: 1.0 };
 
+/// Emissive, diffuse and specular coefficients and exponent where no others are asked for.
+const MATERIAL: Numbers<4> = Numbers([0.2, 0.9, 0.3, 24.0]);
+
+/// Whether the volume is illuminated.
+pub fn is_shaded(look: &Look) -> bool {
+    look.shading.map_or(look.blend == Blend::Alpha, |switch| switch == Switch::On)
+}
+
+/// The material of an illuminated volume.
+pub fn material(look: &Look) -> Numbers<4> {
+    look.material.unwrap_or(MATERIAL)
+}
+
 /// A transfer function: colour and opacity (0..=1) of data values, per smallest voxel spacing.
 pub struct Transfer {
     /// The function.
@@ -27,9 +40,9 @@ pub fn transfer(look: &Look, loaded: &Loaded) -> Result<Transfer, Error> {
     let (function, preset) = match (&look.transfer, &look.preset) {
         (Some(path), _) => (TransferFunction::read_csv(path).map_err(Error::input)?, None),
         (None, None) if look.blend != Blend::Alpha => (TransferFunction::grey(loaded.mapping.range()), None),
-        (None, name) => {
-            let preset = match name {
-                Some(name) => name.parse().map_err(|error| Error::input(format!("--preset {error}")))?,
+        (None, preset) => {
+            let preset = match preset {
+                Some(preset) => *preset,
                 None => loaded.natural_preset(),
             };
             (loaded.preset_function(preset), Some(preset))
@@ -50,9 +63,8 @@ pub fn context(look: &Look, loaded: &Loaded, camera: &Camera, transfer: &Transfe
         Blend::Sum => BlendMode::Sum,
     };
     context.supersampling = supersampling(look.supersample)?;
-    let shaded = look.shading.map_or(look.blend == Blend::Alpha, |switch| switch == Switch::On);
-    if shaded {
-        context.reflection = reflection(look.material)?;
+    if is_shaded(look) {
+        context.reflection = reflection(material(look))?;
         context.lights = lights(&look.light, camera)?;
     }
     let modulates = |what| look.modulate.contains(&what);

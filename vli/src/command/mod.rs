@@ -7,14 +7,16 @@ mod explain;
 mod input;
 mod lists;
 mod look;
+mod messages;
 mod progress;
+mod refusals;
 mod render;
 mod statistics;
 mod view;
 
 use arguments::{Arguments, Command};
 use clap::Parser;
-
+use error::Error;
 use std::process::ExitCode;
 use tracing_subscriber::filter::LevelFilter;
 
@@ -22,35 +24,25 @@ use tracing_subscriber::filter::LevelFilter;
 /// standard error; 1 for a failure after valid input.
 #[must_use]
 pub fn run() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
-        Ok(arguments) => arguments,
-        Err(error) => return reject(&error),
-    };
-    let log = tracing_subscriber::fmt().with_max_level(LevelFilter::WARN).with_writer(std::io::stderr);
-    log.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).init();
-    let result = match arguments.command {
-        Command::Render(render) => render::run(&render),
-        Command::Info { volume, input } => input::info(&volume, &input),
-        Command::Phantom { name, size, output } => input::write_phantom(name, size, &output),
+    let result = match Arguments::try_parse() {
+        Ok(arguments) => execute(arguments.command),
+        Err(error) => messages::answer(&error),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("volumepro: {error}");
-            error.exit_code()
-        }
+        Err(error) => messages::end(&error),
     }
 }
 
-/// Prints what is wrong with the arguments in one line; help and version as they are.
-fn reject(error: &clap::Error) -> ExitCode {
-    if !error.use_stderr() {
-        let printed = error.print();
-        return if printed.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+fn execute(command: Command) -> Result<(), Error> {
+    let log = tracing_subscriber::fmt().with_max_level(LevelFilter::WARN).with_writer(std::io::stderr);
+    log.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).init();
+    match command {
+        Command::Render(render) => render::run(&render),
+        Command::Info { volume, input } => input::info(&volume, &input),
+        Command::Phantom { name, size, output } => input::write_phantom(name, size, &output),
+        Command::Bench(_) => refusals::command("bench"),
+        Command::Report(_) => refusals::command("report"),
+        Command::Sdk(_) => refusals::command("sdk"),
     }
-    let text = error.to_string();
-    let paragraph = text.lines().take_while(|line| !line.trim().is_empty() && !line.starts_with("Usage"));
-    let line = paragraph.map(str::trim).collect::<Vec<_>>().join(" ");
-    eprintln!("volumepro: {}", line.trim_start_matches("error: "));
-    ExitCode::from(2)
 }

@@ -4,52 +4,52 @@ use super::arguments::Render;
 use super::card::{Description, Target};
 use super::error::Error;
 use super::input::Loaded;
+use super::messages::say;
 use super::progress::{Busy, Progress};
 use super::statistics::{Statistics, milliseconds, times};
-use super::{explain, look, view};
+use super::{explain, look, refusals, view};
+use crate::file::output;
 use crate::geometry::{Camera, ImageSize};
 use crate::warp::{Background, BasePlanePixels, warp};
 use crate::{BasePlane, Context, FrameReport};
 use image::ColorType;
+use std::fmt::Display;
+use std::io::Cursor;
 use std::path::Path;
 use std::time::Instant;
 
 /// Renders a volume to a picture.
 pub fn run(arguments: &Render) -> Result<(), Error> {
-    if arguments.explain.as_deref().is_some_and(|what| !what.is_empty()) {
-        return Err(Error::input("--explain=time: measuring what each omission saves is not served yet"));
-    }
+    refusals::render(arguments)?;
     check_output(&arguments.output)?;
     let loaded = Loaded::from_arguments(arguments)?;
     let (camera, size) = view::camera(&arguments.view, arguments.size, loaded.volume.place())?;
     let transfer = look::transfer(&arguments.look, &loaded)?;
     let mut context = look::context(&arguments.look, &loaded, &camera, &transfer)?;
     context.sections = arguments.card.sections;
-    if context.sections {
-        return Err(Error::input("--sections: the card does not work section by section yet"));
-    }
     // What the card cannot render is said before a card is opened.
     context.shear_warp(&loaded.volume)?;
     let mut target = Target::open(&arguments.card, transfer.function.clone())?;
-    eprintln!("{}", loaded.mapping);
-    if let Some(preset) = transfer.preset {
-        eprintln!("preset {preset}");
+    say(&loaded.mapping);
+    match transfer.preset {
+        Some(preset) => say(format_args!("preset {preset}")),
+        None => remark_range(arguments, &loaded),
     }
     let (base_plane, statistics) = render(arguments, &loaded, &context, &mut target)?;
     save(&base_plane, &camera, size, arguments)?;
     arguments.stats.map_or(Ok(()), |format| statistics.print(format))
 }
 
-/// A picture that cannot be written is refused before anything is computed.
-fn check_output(path: &Path) -> Result<(), Error> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !folder.is_dir() {
-        return Err(Error::input(format!("{}: {} is no folder", path.display(), folder.display())));
+/// A range that changes nothing is not refused, because that depends on the data.
+fn remark_range(arguments: &Render, loaded: &Loaded) {
+    if arguments.input.range.is_some() && arguments.look.transfer.is_some() && !loaded.mapping.is_scaled() {
+        say("--range has no effect: values are kept, and --transfer is in their units");
     }
-    if path.is_dir() {
-        return Err(Error::input(format!("{} is a folder", path.display())));
-    }
-    Ok(())
+}
+
+/// A file that cannot be written is refused before anything is computed.
+pub fn check_output(path: &Path) -> Result<(), Error> {
+    output::check(path).map_err(|error| Error::input(format!("{}: {error}", path.display())))
 }
 
 /// Renders all frames, explains the last one if asked for, and returns its base plane and the statistics of all.
@@ -76,7 +76,7 @@ fn render(
     }
     drop(progress);
     if arguments.explain.is_some() {
-        explain::explain(&last.report).iter().for_each(|line| eprintln!("{line}"));
+        explain::explain(&last.report).iter().for_each(say);
     }
     let Description { renderer, architecture, simd, threads } = target.describe();
     let (render_ms, render_ms_all) = times(&reports, |report| report.engine_time);
@@ -116,7 +116,10 @@ fn save(base_plane: &BasePlane, camera: &Camera, size: ImageSize, arguments: &Re
 }
 
 fn write_png(path: &Path, picture: &[u8], size: ImageSize, color: ColorType) -> Result<(), Error> {
-    let format = image::ImageFormat::Png;
-    image::save_buffer_with_format(path, picture, size.width(), size.height(), color, format)
-        .map_err(|error| Error::failure(format!("{}: {error}", path.display())))
+    let failure = |error: &dyn Display| Error::failure(format!("{}: {error}", path.display()));
+    let mut png = Cursor::new(Vec::new());
+    let [width, height] = [size.width(), size.height()];
+    image::write_buffer_with_format(&mut png, picture, width, height, color, image::ImageFormat::Png)
+        .map_err(|error| failure(&error))?;
+    output::write_whole(path, |file| file.write_all(png.get_ref())).map_err(|error| failure(&error))
 }

@@ -2,9 +2,9 @@
 
 use super::arguments::StatsFormat;
 use super::error::Error;
+use super::messages::print;
 use crate::FrameReport;
 use serde::Serialize;
-use std::io::Write;
 use std::time::Duration;
 
 /// What is printed about a render.
@@ -54,13 +54,6 @@ impl Statistics {
         };
         print(&text)
     }
-}
-
-/// Prints on standard output, which may be closed.
-pub fn print(text: &str) -> Result<(), Error> {
-    let mut output = std::io::stdout();
-    let printed = output.write_all(text.as_bytes()).and_then(|()| output.flush());
-    printed.map_err(|error| Error::failure(format!("standard output: {error}")))
 }
 
 /// Times in milliseconds, and their median.

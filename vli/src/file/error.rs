@@ -1,12 +1,16 @@
 //! Why a volume file cannot be read or written.
 
 use crate::geometry::GeometryError;
+use crate::text::{one_line, shorten};
 use std::io;
 use std::path::{Path, PathBuf};
 
+/// Most characters that are said about a file. Headers may hold megabytes that are wrong.
+const LONGEST: usize = 400;
+
 /// A file and what is wrong with it, in one line.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: {fault}", path.display())]
+#[error("{}: {}", one_line(&path.display().to_string()), shorten(&fault.to_string(), LONGEST))]
 pub struct FileError {
     /// The file; for a header with data files of its own, the one that is at fault.
     pub path: PathBuf,
@@ -21,7 +25,7 @@ pub enum FileFault {
     #[error("{0}")]
     System(#[from] io::Error),
     /// A folder.
-    #[error("is a folder, not a volume file")]
+    #[error("is a folder, not a file")]
     Folder,
     /// A device, pipe or socket, whose length cannot be known.
     #[error("is not a regular file")]

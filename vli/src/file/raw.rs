@@ -1,7 +1,8 @@
 //! Files of samples without any header.
 
-use super::source::{Reading, check_size, open_regular};
-use super::{ByteOrder, FileError, FileFault, Geometry, Progress, ScalarType, ScalarVolume};
+use super::layout::Layout;
+use super::source::open_regular;
+use super::{ByteOrder, FileError, FileFault, Geometry, ScalarType};
 use std::path::Path;
 
 /// What a file without header does not say itself.
@@ -17,37 +18,27 @@ pub struct RawDescription {
     pub spacing: [f64; 3],
 }
 
-/// Reads a file that holds nothing but samples, x fastest.
-///
-/// # Errors
-/// The file cannot be read, or its length is not that of the samples described; the description makes no volume.
-pub fn read(
-    path: &Path,
-    description: &RawDescription,
-    progress: &mut Progress<'_>,
-) -> Result<ScalarVolume, FileError> {
-    let (mut file, length) = open_regular(path)?;
+/// The layout of a file that holds nothing but samples, x fastest; its length must be theirs.
+pub(super) fn layout(path: &Path, description: &RawDescription) -> Result<Layout, FileError> {
+    let (_, length) = open_regular(path)?;
     let RawDescription { dimensions, scalar, order, spacing } = *description;
-    let mut volume = || {
+    let layout = || {
         let geometry = Geometry::from_spacing(spacing);
         geometry.check("raw spacing", "raw origin")?;
-        let count = check_size(&dimensions, scalar, "raw shape")?;
-        let wanted = count as u64 * scalar.bytes() as u64;
+        let layout = Layout::attached(dimensions, scalar, order, 0, "raw shape")?;
+        let wanted = layout.count() as u64 * scalar.bytes() as u64;
         if length != wanted {
             let what = format!("samples of {scalar} make {wanted} bytes, the file has {length}");
             return Err(FileFault::field("raw shape", what));
         }
-        let mut reading = Reading::new(scalar, count, progress)?;
-        let missing = reading.read(&mut file, count, order)? as u64;
-        ScalarVolume::new(dimensions, reading.samples, geometry)
-            .ok_or(FileFault::Short { wanted, found: wanted - missing })
+        Ok(Layout { geometry, ..layout })
     };
-    volume().map_err(|fault| fault.of(path))
+    layout().map_err(|fault: FileFault| fault.of(path))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::Samples;
+    use super::super::{Samples, ScalarVolume, VolumeFile};
     use super::*;
     use glam::DVec3;
 
@@ -62,7 +53,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("volume.raw");
         std::fs::write(&path, bytes).unwrap();
-        read(&path, &description, &mut |_, _| {}).map_err(|error| error.to_string())
+        let file = VolumeFile::raw(&path, &description).map_err(|error| error.to_string())?;
+        file.read(&mut |_, _| {}).map_err(|error| error.to_string())
     }
 
     fn refused(change: fn(&mut RawDescription)) -> String {
@@ -87,9 +79,9 @@ mod tests {
     #[test]
     fn folders_and_missing_files_are_refused() {
         let folder = tempfile::tempdir().unwrap();
-        let error = read(folder.path(), &DESCRIPTION, &mut |_, _| {}).unwrap_err();
+        let error = layout(folder.path(), &DESCRIPTION).unwrap_err();
         assert!(matches!(error.fault, FileFault::Folder), "{error}");
-        let error = read(&folder.path().join("none.raw"), &DESCRIPTION, &mut |_, _| {}).unwrap_err();
+        let error = layout(&folder.path().join("none.raw"), &DESCRIPTION).unwrap_err();
         assert!(error.to_string().contains("none.raw: No such file"), "{error}");
     }
 

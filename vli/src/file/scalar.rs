@@ -1,5 +1,6 @@
 //! Scalar types of samples, and vectors of samples of any of them.
 
+use super::layout::Meaning;
 use std::collections::TryReserveError;
 use std::fmt;
 use std::io::{self, Write};
@@ -30,10 +31,12 @@ impl FromStr for ByteOrder {
 pub(crate) trait Scalar: Copy + PartialOrd {
     /// The value; 64-bit integers beyond 2^53 are rounded to nearest.
     fn to_f64(self) -> f64;
-    /// The value nearest to a number.
+    /// The value that a number is rounded to, towards zero for integers.
     fn from_f64(number: f64) -> Self;
     /// Whether it is neither NaN nor infinite.
     fn is_finite(self) -> bool;
+    /// The low bits of an integer, which keep its sign if it has one.
+    fn low_bits(self, bits: u32) -> Self;
 }
 
 /// Evaluates an expression with the vector of samples bound to a name, whatever its type.
@@ -56,7 +59,7 @@ macro_rules! with_samples {
 pub(crate) use with_samples;
 
 macro_rules! scalar_types {
-    ($($variant:ident $type:ty, $finite:expr, $name:literal $(, $alias:literal)*;)*) => {
+    ($($variant:ident $type:ty, $finite:expr, $low:expr, $name:literal $(, $alias:literal)*;)*) => {
         /// Type of a sample.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[allow(missing_docs, reason = "the names are the meaning")]
@@ -133,6 +136,21 @@ macro_rules! scalar_types {
                 }
             }
 
+            /// Appends what stored numbers mean, where that is what samples can be.
+            pub(super) fn append_meanings(&mut self, numbers: &Self, meaning: &Meaning) {
+                with_samples!(numbers, numbers => {
+                    let mut meanings =
+                        numbers.iter().map(|number| meaning.of(Scalar::to_f64(number.low_bits(meaning.bits))));
+                    self.append_values(&mut meanings);
+                });
+            }
+
+            fn append_values(&mut self, meanings: &mut dyn Iterator<Item = f64>) {
+                match self {
+                    $(Self::$variant(values) => values.extend(meanings.map(<$type as Scalar>::from_f64)),)*
+                }
+            }
+
             /// Appends a sample written as text; `false` if it is not a number of the type.
             #[must_use]
             pub(super) fn append_text(&mut self, text: &str) -> bool {
@@ -174,28 +192,44 @@ macro_rules! scalar_types {
                     let finite: fn($type) -> bool = $finite;
                     finite(self)
                 }
+
+                fn low_bits(self, bits: u32) -> Self {
+                    let low: fn($type, u32) -> $type = $low;
+                    low(self, (8 * size_of::<$type>() as u32).saturating_sub(bits))
+                }
             }
         )*
     };
 }
 
 scalar_types! {
-    Int8 i8, |_| true, "int8", "signed char", "int8_t";
-    Uint8 u8, |_| true, "uint8", "uchar", "unsigned char", "uint8_t";
-    Int16 i16, |_| true, "int16", "short", "short int", "signed short", "signed short int", "int16_t";
-    Uint16 u16, |_| true, "uint16", "ushort", "unsigned short", "unsigned short int", "uint16_t";
-    Int32 i32, |_| true, "int32", "int", "signed int", "int32_t";
-    Uint32 u32, |_| true, "uint32", "uint", "unsigned int", "uint32_t";
-    Int64 i64, |_| true, "int64", "longlong", "long long", "long long int", "signed long long",
+    Int8 i8, |_| true, |value, spare| value << spare >> spare, "int8", "signed char", "int8_t";
+    Uint8 u8, |_| true, |value, spare| value << spare >> spare, "uint8", "uchar", "unsigned char", "uint8_t";
+    Int16 i16, |_| true, |value, spare| value << spare >> spare, "int16", "short", "short int", "signed short", "signed short int", "int16_t";
+    Uint16 u16, |_| true, |value, spare| value << spare >> spare, "uint16", "ushort", "unsigned short", "unsigned short int", "uint16_t";
+    Int32 i32, |_| true, |value, spare| value << spare >> spare, "int32", "int", "signed int", "int32_t";
+    Uint32 u32, |_| true, |value, spare| value << spare >> spare, "uint32", "uint", "unsigned int", "uint32_t";
+    Int64 i64, |_| true, |value, spare| value << spare >> spare, "int64", "longlong", "long long", "long long int", "signed long long",
         "signed long long int", "int64_t";
-    Uint64 u64, |_| true, "uint64", "ulonglong", "unsigned long long", "unsigned long long int", "uint64_t";
-    Float32 f32, f32::is_finite, "float";
-    Float64 f64, f64::is_finite, "double";
+    Uint64 u64, |_| true, |value, spare| value << spare >> spare, "uint64", "ulonglong", "unsigned long long", "unsigned long long int", "uint64_t";
+    Float32 f32, f32::is_finite, |value, _| value, "float";
+    Float64 f64, f64::is_finite, |value, _| value, "double";
 }
 
 impl fmt::Display for ScalarType {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(self.name())
+    }
+}
+
+impl ScalarType {
+    /// Whether a number is not infinite when it is of this type.
+    #[must_use]
+    pub const fn reaches(self, number: f64) -> bool {
+        match self {
+            Self::Float32 => (number as f32).is_finite(),
+            _ => number.is_finite(),
+        }
     }
 }
 

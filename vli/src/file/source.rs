@@ -1,6 +1,7 @@
 //! Files as a source of samples: length known beforehand, read block by block.
 
-use super::{ByteOrder, FileError, FileFault, MAXIMUM_BYTES, Progress, Samples, ScalarType};
+use super::layout::{Layout, Meaning, Piece};
+use super::{FileError, FileFault, MAXIMUM_BYTES, Progress, Samples, ScalarType};
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
@@ -9,7 +10,7 @@ use std::path::Path;
 const BLOCK: usize = 1 << 20;
 
 /// Opens a regular file; also tells its length in bytes.
-pub(super) fn open_regular(path: &Path) -> Result<(File, u64), FileError> {
+pub(crate) fn open_regular(path: &Path) -> Result<(File, u64), FileError> {
     let system = |error: io::Error| FileFault::from(error).of(path);
     // Before opening, which would wait for the other end of a pipe.
     let kind = path.metadata().map_err(system)?;
@@ -63,10 +64,11 @@ pub(super) struct Reading<'a, 'b> {
 }
 
 impl<'a, 'b> Reading<'a, 'b> {
-    /// Nothing read yet, with memory for `count` samples.
-    pub fn new(scalar: ScalarType, count: usize, progress: &'a mut Progress<'b>) -> Result<Self, FileFault> {
-        let bytes = count as u64 * scalar.bytes() as u64;
-        let samples = Samples::with_capacity(scalar, count).map_err(|_| FileFault::Memory(bytes))?;
+    /// Nothing read yet, with memory for all samples.
+    pub fn new(layout: &Layout, progress: &'a mut Progress<'b>) -> Result<Self, FileFault> {
+        let count = layout.count();
+        let bytes = count as u64 * layout.scalar.bytes() as u64;
+        let samples = Samples::with_capacity(layout.scalar, count).map_err(|_| FileFault::Memory(bytes))?;
         progress(0, bytes);
         Ok(Self { samples, count, progress })
     }
@@ -77,14 +79,22 @@ impl<'a, 'b> Reading<'a, 'b> {
         (self.progress)(self.samples.len() as u64 * size, self.count as u64 * size);
     }
 
-    /// Reads up to `count` samples; tells how many bytes were missing.
-    pub fn read(&mut self, reader: &mut dyn Read, count: usize, order: ByteOrder) -> io::Result<usize> {
-        let mut missing = count * self.samples.scalar_type().bytes();
+    /// Reads the samples of a piece; tells how many bytes were missing.
+    pub fn read(&mut self, reader: &mut dyn Read, piece: &Piece, layout: &Layout) -> io::Result<usize> {
+        let Layout { stored, scalar, order, .. } = *layout;
+        let plain = scalar == stored && piece.meaning == Meaning::itself(stored);
+        let mut missing = piece.samples * stored.bytes();
         let mut block = vec![0; missing.min(BLOCK)];
         while missing > 0 {
             let wanted = missing.min(BLOCK);
             let read = fill(reader, &mut block[..wanted])?;
-            self.samples.append(&block[..read], order);
+            if plain {
+                self.samples.append(&block[..read], order);
+            } else {
+                let mut numbers = Samples::with_capacity(stored, read / stored.bytes())?;
+                numbers.append(&block[..read], order);
+                self.samples.append_meanings(&numbers, &piece.meaning);
+            }
             missing -= read;
             self.report();
             if read < wanted {

@@ -1,3 +1,4 @@
+use crate::text::number;
 use glam::{DMat4, DVec3};
 
 /// Largest magnitude, in millimetres or voxels, that a coordinate or the length of an axis may have; its
@@ -26,7 +27,7 @@ pub enum GeometryError {
     #[error("camera: the view-up vector is zero or parallel to the view direction")]
     UpAlongView,
     /// Half the image height is not positive, or absurd.
-    #[error("camera: parallel scale {0} is not between 1e-12 and 1e12")]
+    #[error("camera: parallel scale {} is not between 1e-12 and 1e12", number(*.0))]
     ParallelScale(f64),
     /// A picture without pixels, or too many.
     #[error("picture: {0} x {1} pixels, each must be 1..={max}", max = super::ImageSize::MAXIMUM)]

@@ -1,7 +1,8 @@
 //! Transfer functions from CSV files with header `value,red,green,blue,opacity`.
 
 use super::{ControlPoint, TransferFunction};
-use std::fs::File;
+use crate::file::{FileFault, open_regular};
+use crate::text::shorten;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -24,6 +25,9 @@ pub struct CsvError {
 /// What can be wrong with a file.
 #[derive(Debug, thiserror::Error)]
 pub enum CsvFault {
+    /// It cannot be opened.
+    #[error(transparent)]
+    File(#[from] FileFault),
     /// The operating system refuses to read it, or it is no text.
     #[error("{0}")]
     System(#[from] io::Error),
@@ -50,7 +54,8 @@ impl TransferFunction {
     pub fn read_csv(path: &Path) -> Result<Self, CsvError> {
         let read = || {
             let mut text = String::new();
-            File::open(path)?.take(MAXIMUM_BYTES + 1).read_to_string(&mut text)?;
+            let (file, _) = open_regular(path).map_err(|error| error.fault)?;
+            file.take(MAXIMUM_BYTES + 1).read_to_string(&mut text)?;
             if text.len() as u64 > MAXIMUM_BYTES { Err(CsvFault::TooLarge) } else { parse(&text) }
         };
         read().map_err(|fault| CsvError { path: path.to_owned(), fault })
@@ -83,7 +88,7 @@ fn parse(text: &str) -> Result<TransferFunction, CsvFault> {
 fn point(row: &str) -> Result<ControlPoint, String> {
     let number = |text: &str| {
         let text = text.trim();
-        text.parse::<f64>().map_err(|_| format!("'{}' is not a number", text.escape_default()))
+        text.parse::<f64>().map_err(|_| format!("'{}' is not a number", shorten(text, 40)))
     };
     let numbers: Vec<f64> = row.split(',').map(number).collect::<Result<_, _>>()?;
     match numbers[..] {
@@ -133,7 +138,10 @@ mod tests {
         assert!(
             TransferFunction::read_csv(&path).unwrap_err().to_string().contains("transfer.csv: No such file")
         );
-        assert!(TransferFunction::read_csv(folder.path()).is_err());
+        let error = TransferFunction::read_csv(folder.path()).unwrap_err().to_string();
+        assert!(error.ends_with("is a folder, not a file"), "{error}");
+        let error = TransferFunction::read_csv(Path::new("/dev/null")).unwrap_err().to_string();
+        assert_eq!(error, "/dev/null: is not a regular file");
         std::fs::write(&path, [0xff, 0xfe]).unwrap();
         assert!(TransferFunction::read_csv(&path).unwrap_err().to_string().contains("UTF-8"));
         std::fs::write(&path, vec![b' '; (1 << 24) + 1]).unwrap();

@@ -7,6 +7,7 @@ mod preset;
 pub use csv::{CsvError, CsvFault};
 pub use preset::Preset;
 
+use crate::text::number;
 use crate::values::{ValueMapping, part_of_range};
 use vg500_regs::limit::LOOKUP_ENTRIES;
 
@@ -116,11 +117,11 @@ fn check(point: &ControlPoint, before: f64) -> Result<(), String> {
         return Err(format!("value {value} is not finite"));
     }
     if value < before {
-        return Err(format!("value {value} is less than {before} before it"));
+        return Err(format!("value {} is less than {} before it", number(value), number(before)));
     }
     for (name, channel) in [("red", red), ("green", green), ("blue", blue), ("opacity", opacity)] {
         if !(0.0..=1.0).contains(&channel) {
-            return Err(format!("{name} {channel} is not in 0..1"));
+            return Err(format!("{name} {} is not in 0..1", number(channel)));
         }
     }
     Ok(())

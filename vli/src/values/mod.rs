@@ -7,6 +7,7 @@ pub use histogram::Histogram;
 
 use crate::Voxels;
 use crate::file::{Scalar, ScalarType, ScalarVolume, with_samples};
+use crate::text::number;
 use std::fmt;
 use vg500_regs::VoxelFormat;
 
@@ -26,7 +27,7 @@ pub enum ValueError {
         value: f64,
     },
     /// A range that is none.
-    #[error("range {0},{1}: two finite numbers are wanted, the lower one first")]
+    #[error("range {},{}: two finite numbers are wanted, the lower one first", number(*.0), number(*.1))]
     Range(f64, f64),
 }
 
@@ -80,6 +81,12 @@ impl ValueMapping {
         self.range
     }
 
+    /// Whether values are scaled to the range, not kept.
+    #[must_use]
+    pub const fn is_scaled(&self) -> bool {
+        self.is_scaled
+    }
+
     /// The card's voxels of a volume, which is the one that the mapping was made for.
     #[must_use]
     pub fn voxels(&self, volume: &ScalarVolume) -> Voxels {
@@ -118,11 +125,18 @@ impl ValueMapping {
 
 impl fmt::Display for ValueMapping {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { scalar, data_range: [least, greatest], range: [low, high], .. } = self;
-        write!(formatter, "values {least} to {greatest} ({scalar}) ")?;
+        let [least, greatest] = self.data_range.map(number);
+        let [low, high] = self.range.map(number);
+        match self.data_range[0] == self.data_range[1] {
+            true => write!(formatter, "all values are {least} ({}); they ", self.scalar)?,
+            false => write!(formatter, "values {least} to {greatest} ({}) ", self.scalar)?,
+        }
         match (self.is_scaled, self.format) {
             (false, VoxelFormat::Uint8) => write!(formatter, "are kept as 8-bit voxels"),
             (false, _) => write!(formatter, "are kept as 12-bit voxels"),
+            (true, _) if low == high => {
+                write!(formatter, "become 12-bit voxels of 0: the range is {low} alone")
+            }
             (true, _) => write!(formatter, "become 12-bit voxels: {low} is 0, {high} is 4095"),
         }
     }
@@ -240,6 +254,7 @@ mod tests {
         );
         let (_, mapping) = map(vec![-f64::MAX, f64::MAX], None);
         assert_eq!([0, 4095].map(|entry| mapping.value(entry)), [-f64::MAX, f64::MAX]);
+        assert!(mapping.to_string().len() < 150, "{mapping}");
     }
 
     #[test]
@@ -248,6 +263,10 @@ mod tests {
         assert_eq!(twelve_bits(vec![-2_i8, 7], Some([3.0, 3.0])), [0, 0]);
         let (_, mapping) = map(vec![5.5_f32], None);
         assert_eq!([mapping.value(0), mapping.value(4095)], [5.5, 5.5]);
+        assert_eq!(
+            mapping.to_string(),
+            "all values are 5.5 (float); they become 12-bit voxels of 0: the range is 5.5 alone"
+        );
     }
 
     proptest! {

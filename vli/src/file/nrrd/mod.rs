@@ -7,7 +7,6 @@
 
 mod axes;
 mod data_files;
-mod decode;
 mod fields;
 mod header;
 #[cfg(test)]
@@ -16,22 +15,17 @@ mod write;
 
 pub use write::{Compression, write};
 
+use super::FileError;
+use super::layout::Layout;
 use super::source::open_regular;
-use super::{FileError, Progress, ScalarVolume};
-use header::Header;
 use std::io::BufReader;
 use std::path::Path;
 
 /// What every file begins with, before the digits of the version.
-pub(super) const MAGIC: &[u8; 6] = b"NRRD00";
+pub(super) const MAGIC: &[u8] = b"NRRD00";
 
-/// Reads a volume from an NRRD file, or from a detached header and its data files.
-///
-/// # Errors
-/// A file cannot be read; the header is malformed, contradicts itself or the data, or describes something else than
-/// a volume of scalars.
-pub fn read(path: &Path, progress: &mut Progress<'_>) -> Result<ScalarVolume, FileError> {
+/// Reads the header of an NRRD file, or a detached header.
+pub(super) fn layout(path: &Path) -> Result<Layout, FileError> {
     let (file, _) = open_regular(path)?;
-    let header = Header::read(&mut BufReader::new(file)).map_err(|fault| fault.of(path))?;
-    decode::read_samples(path, &header, progress)
+    header::read(&mut BufReader::new(file)).map_err(|fault| fault.of(path))
 }

@@ -111,7 +111,7 @@ fn wrong_fields_are_refused_by_name() {
         ("byte skip: 1", "holds 24 bytes where sizes, type and encoding want at least 25"),
         ("byte skip: 18446744073709551615", "want at least 18446744073709551615"),
         ("data file: none.raw", "none.raw: No such file"),
-        ("data file: .", "is a folder, not a volume file"),
+        ("data file: .", "is a folder, not a file"),
         ("data file: LIST", "data file: LIST wants"),
         ("data file: slice%d.raw 0 9 1", "data file: 10 files do not make up all samples"),
         ("data file: slice%d.raw 0 3 1", "slice0.raw: No such file"),
@@ -330,7 +330,7 @@ fn files_that_cannot_be_written_are_named() {
     let volume = ScalarVolume::new([1; 3], vec![0_u8].into(), Geometry::from_spacing([1.0; 3])).unwrap();
     let files = Files::new();
     let folder = files.0.path();
-    assert!(write(folder, &volume, Compression::None).unwrap_err().to_string().contains("Is a directory"));
+    assert!(write(folder, &volume, Compression::None).unwrap_err().to_string().contains("is a directory"));
     let error = write(&folder.join("none/volume.nrrd"), &volume, Compression::Gzip).unwrap_err();
     assert!(error.to_string().contains("none/volume.nrrd: No such file"), "{error}");
 }

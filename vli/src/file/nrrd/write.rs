@@ -1,10 +1,9 @@
 //! Writing NRRD files.
 
+use super::super::output::write_whole;
 use super::super::{FileError, FileFault, Geometry, ScalarVolume};
 use flate2::write::GzEncoder;
 use glam::{DMat3, DVec3};
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 /// Whether samples are compressed.
@@ -21,20 +20,18 @@ pub enum Compression {
 /// # Errors
 /// The file cannot be written.
 pub fn write(path: &Path, volume: &ScalarVolume, compression: Compression) -> Result<(), FileError> {
-    let write = || -> io::Result<()> {
-        let mut file = BufWriter::new(File::create(path)?);
+    let written = write_whole(path, |file| {
         file.write_all(header(volume, compression).as_bytes())?;
         match compression {
-            Compression::None => volume.samples().write_to(&mut file)?,
+            Compression::None => volume.samples().write_to(file),
             Compression::Gzip => {
-                let mut encoder = GzEncoder::new(&mut file, flate2::Compression::default());
+                let mut encoder = GzEncoder::new(file, flate2::Compression::default());
                 volume.samples().write_to(&mut encoder)?;
-                encoder.finish()?;
+                encoder.finish().map(drop)
             }
         }
-        file.flush()
-    };
-    write().map_err(|error| FileFault::from(error).of(path))
+    });
+    written.map_err(|error| FileFault::from(error).of(path))
 }
 
 fn header(volume: &ScalarVolume, compression: Compression) -> String {
@@ -77,5 +74,5 @@ fn geometry(geometry: &Geometry, has_space: bool) -> String {
 
 /// Text fit for a field, which ends with its line.
 fn one_line(text: &str) -> String {
-    text.replace(['\n', '\r'], " ")
+    text.replace(char::is_control, " ")
 }

@@ -1,15 +1,15 @@
 //! Samples from data files in any encoding.
 
-use super::super::source::{Reading, fill, open_regular};
-use super::super::{FileError, FileFault, Progress, ScalarVolume};
-use super::header::{ByteSkip, Data, Encoding, Header};
-use flate2::bufread::MultiGzDecoder;
+use super::layout::{ByteSkip, Data, Encoding, Layout, Piece};
+use super::source::{Reading, fill, open_regular};
+use super::{FileError, FileFault, Progress, ScalarVolume};
+use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Most bytes that one byte of gzip data can stand for: a match of 258 bytes takes at least two bits.
-const MAXIMUM_GZIP_RATIO: u64 = 1032;
+/// Most bytes that one byte of compressed data can stand for: a match of 258 bytes takes at least two bits.
+const MAXIMUM_RATIO: u64 = 1032;
 
 /// Bytes of a file that are buffered.
 const BUFFER: usize = 1 << 17;
@@ -17,87 +17,74 @@ const BUFFER: usize = 1 << 17;
 /// Longest number in text.
 const MAXIMUM_WORD: usize = 1024;
 
-/// Reads all samples of the volume that `header`, read from `path`, describes.
+/// Reads all samples of the volume that a header, read from `path`, describes.
 pub fn read_samples(
     path: &Path,
-    header: &Header,
+    layout: &Layout,
     progress: &mut Progress<'_>,
 ) -> Result<ScalarVolume, FileError> {
-    let (offset, samples) = match header.data {
-        Data::Attached(offset) => (offset, header.count),
-        Data::Detached(_, samples) => (0, samples),
-    };
     // Every file is opened and measured before memory is taken for any.
-    for file in files(path, header) {
-        open(&file, header, offset, samples)?;
+    for piece in layout.pieces(path) {
+        open(&piece, layout)?;
     }
-    let mut reading = Reading::new(header.scalar, header.count, progress).map_err(|fault| fault.of(path))?;
-    let mut remarks = header.remarks.clone();
-    for file in files(path, header) {
-        let mut reader = open(&file, header, offset, samples)?;
-        let surplus = decode(&mut reader, header, samples, &mut reading).map_err(|fault| fault.of(&file))?;
-        if surplus {
-            remarks.push(format!("{}: data goes on behind the last sample; ignored", file.display()));
+    let mut reading = Reading::new(layout, progress).map_err(|fault| fault.of(path))?;
+    let mut remarks = layout.remarks.clone();
+    for piece in layout.pieces(path) {
+        let mut reader = open(&piece, layout)?;
+        let surplus =
+            decode(&mut reader, layout, &piece, &mut reading).map_err(|fault| fault.of(&piece.path))?;
+        // Files of slices may have more than samples.
+        if surplus && !matches!(layout.data, Data::Slices(_)) {
+            remarks.push(format!("{}: data goes on behind the last sample; ignored", piece.path.display()));
         }
     }
     let found = reading.samples.len() as u64;
-    let volume = ScalarVolume::new(header.axes.dimensions, reading.samples, header.axes.geometry);
+    let volume = ScalarVolume::new(layout.dimensions, reading.samples, layout.geometry);
     let mut volume =
-        volume.ok_or_else(|| FileFault::Short { wanted: header.count as u64, found }.of(path))?;
-    volume.content.clone_from(&header.content);
-    volume.space.clone_from(&header.space);
+        volume.ok_or_else(|| FileFault::Short { wanted: layout.count() as u64, found }.of(path))?;
+    volume.content.clone_from(&layout.content);
+    volume.space.clone_from(&layout.space);
     volume.remarks = remarks;
     Ok(volume)
 }
 
-/// The files that hold samples.
-fn files<'a>(path: &'a Path, header: &'a Header) -> Box<dyn Iterator<Item = PathBuf> + 'a> {
-    match &header.data {
-        Data::Attached(_) => Box::new(std::iter::once(path.to_owned())),
-        Data::Detached(files, _) => {
-            let folder = path.parent().unwrap_or(Path::new(""));
-            Box::new(files.names().map(|name| folder.join(name)))
-        }
-    }
-}
-
 /// Opens a file at the first byte of its samples, or of its compressed data. A file that cannot hold as many samples
 /// is refused.
-fn open(path: &Path, header: &Header, offset: u64, samples: usize) -> Result<BufReader<File>, FileError> {
-    let (file, length) = open_regular(path)?;
+fn open(piece: &Piece, layout: &Layout) -> Result<BufReader<File>, FileError> {
+    let (file, length) = open_regular(&piece.path)?;
     let mut reader = BufReader::with_capacity(BUFFER, file);
     let mut start = || {
-        reader.seek(SeekFrom::Start(offset))?;
-        let lines = skip_lines(&mut reader, header.line_skip)?;
-        let bytes = samples as u64 * header.scalar.bytes() as u64;
-        let skip = match header.byte_skip {
+        reader.seek(SeekFrom::Start(piece.offset))?;
+        let lines = skip_lines(&mut reader, layout.line_skip)?;
+        let bytes = piece.samples as u64 * layout.stored.bytes() as u64;
+        let skip = match layout.byte_skip {
             ByteSkip::Bytes(skip) => skip,
             ByteSkip::ToSamplesAtEnd => 0,
         };
-        let wanted = match header.encoding {
+        let wanted = match layout.encoding {
             Encoding::Raw => skip.saturating_add(bytes),
-            Encoding::Gzip => skip.saturating_add(bytes).div_ceil(MAXIMUM_GZIP_RATIO),
+            Encoding::Gzip | Encoding::Zlib => skip.saturating_add(bytes).div_ceil(MAXIMUM_RATIO),
             Encoding::Hex => skip.saturating_add(2 * bytes),
             // A digit each, and something between them.
-            Encoding::Text => skip.saturating_add(2 * samples as u64 - 1),
+            Encoding::Text => skip.saturating_add(2 * piece.samples as u64 - 1),
         };
-        let found = length.saturating_sub(offset + lines);
+        let found = length.saturating_sub(piece.offset.saturating_add(lines));
         if found < wanted {
             return Err(FileFault::Short { wanted, found });
         }
-        match (header.byte_skip, header.encoding) {
+        match layout.byte_skip {
             // Skipped in the decompressed data.
-            (ByteSkip::Bytes(_), Encoding::Gzip) => {}
-            (ByteSkip::Bytes(skip), _) => {
-                reader.seek(SeekFrom::Start(offset + lines + skip))?;
+            ByteSkip::Bytes(_) if layout.encoding.is_compressed() => {}
+            ByteSkip::Bytes(skip) => {
+                reader.seek(SeekFrom::Start(piece.offset + lines + skip))?;
             }
-            (ByteSkip::ToSamplesAtEnd, _) => {
+            ByteSkip::ToSamplesAtEnd => {
                 reader.seek(SeekFrom::Start(length - bytes))?;
             }
         }
         Ok(())
     };
-    start().map_err(|fault: FileFault| fault.of(path))?;
+    start().map_err(|fault: FileFault| fault.of(&piece.path))?;
     Ok(reader)
 }
 
@@ -116,40 +103,31 @@ fn skip_lines(reader: &mut dyn BufRead, lines: u64) -> Result<u64, FileFault> {
 /// Reads the samples of a file; tells whether data goes on behind the last one.
 fn decode(
     reader: &mut BufReader<File>,
-    header: &Header,
-    samples: usize,
+    layout: &Layout,
+    piece: &Piece,
     reading: &mut Reading<'_, '_>,
 ) -> Result<bool, FileFault> {
-    match header.encoding {
-        Encoding::Raw => decode_bytes(reader, header, samples, reading),
-        Encoding::Hex => decode_bytes(&mut HexReader(reader), header, samples, reading),
-        Encoding::Gzip => {
-            let mut reader = MultiGzDecoder::new(reader);
-            if let ByteSkip::Bytes(skip) = header.byte_skip {
-                io::copy(&mut reader.by_ref().take(skip), &mut io::sink())
-                    .map_err(|error| data_fault(header.encoding, error))?;
-            }
-            decode_bytes(&mut reader, header, samples, reading)
-        }
-        Encoding::Text => decode_text(reader, samples, reading),
-    }
-}
-
-fn decode_bytes(
-    reader: &mut dyn Read,
-    header: &Header,
-    samples: usize,
-    reading: &mut Reading<'_, '_>,
-) -> Result<bool, FileFault> {
-    let mut decode = || match reading.read(reader, samples, header.order)? {
-        // Reading on also verifies the checksum at the end of compressed data.
-        0 => Ok(fill(reader, &mut [0])? > 0),
-        missing => Err(io::Error::new(
-            io::ErrorKind::UnexpectedEof,
-            format!("it ends {missing} bytes before the last sample"),
-        )),
+    let reader: &mut dyn Read = match layout.encoding {
+        Encoding::Raw => reader,
+        Encoding::Hex => &mut HexReader(reader),
+        Encoding::Gzip => &mut MultiGzDecoder::new(reader),
+        Encoding::Zlib => &mut ZlibDecoder::new(reader),
+        Encoding::Text => return decode_text(reader, piece.samples, reading),
     };
-    decode().map_err(|error| data_fault(header.encoding, error))
+    let mut decode = || {
+        if let (ByteSkip::Bytes(skip), true) = (layout.byte_skip, layout.encoding.is_compressed()) {
+            io::copy(&mut reader.take(skip), &mut io::sink())?;
+        }
+        match reading.read(reader, piece, layout)? {
+            // Reading on also verifies the checksum at the end of compressed data.
+            0 => Ok(fill(reader, &mut [0])? > 0),
+            missing => Err(io::Error::new(
+                io::ErrorKind::UnexpectedEof,
+                format!("it ends {missing} bytes before the last sample"),
+            )),
+        }
+    };
+    decode().map_err(|error| data_fault(layout.encoding, error))
 }
 
 /// Errors of a decoder are those of its data, all others the operating system's.
