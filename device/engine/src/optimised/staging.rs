@@ -32,6 +32,8 @@ impl Staging {
         let slots = volume.slices_at_once() + WINDOW - 1;
         self.slots.clear();
         self.slots.resize(slots, Slot::default());
+        // Odd, so that the same row of all slots does not fall into the same few places of the cache.
+        let rows = rows | 1;
         self.capacity = rows;
         if self.lines.len() < slots * rows {
             self.lines.resize(slots * rows, Line::ZERO);
@@ -79,13 +81,43 @@ impl Staging {
         volume.load(simd, rows, slices, &mut lines);
     }
 
-    /// The row at y of a slice. Rows past those that it holds are the outermost ones.
+    /// The slices around a sample slice: `slices` are one before, below, above and one behind.
     #[inline(always)]
     #[must_use]
-    pub fn row(&self, y: i32, slice: usize) -> &Line {
+    pub fn window(&self, slices: [usize; WINDOW]) -> Window<'_> {
+        let [a, b, c, d] = slices;
+        Window([self.slice(a), self.slice(b), self.slice(c), self.slice(d)])
+    }
+
+    #[inline(always)]
+    fn slice(&self, slice: usize) -> Slice<'_> {
         let place = slice % self.slots.len();
-        let Range { start, end } = self.slots[place].rows;
-        let row = (y.max(0).cast_unsigned() as usize).clamp(start, end.max(start + 1) - 1) - start;
-        &self.lines[place * self.capacity + row]
+        let rows = &self.slots[place].rows;
+        let lines = &self.lines[place * self.capacity..][..rows.len()];
+        Slice { lines, first: rows.start as i32 }
+    }
+}
+
+/// Slices around a sample slice.
+#[derive(Clone, Copy, Debug)]
+pub struct Window<'a>([Slice<'a>; WINDOW]);
+
+/// Rows of a slice.
+#[derive(Clone, Copy, Debug)]
+struct Slice<'a> {
+    lines: &'a [Line],
+    first: i32,
+}
+
+impl<'a> Window<'a> {
+    /// The rows at y and y + 1 of one of the slices. Rows past those that are held are the outermost ones.
+    #[inline(always)]
+    #[must_use]
+    pub fn rows(&self, slice: usize, y: i32) -> [&'a Line; 2] {
+        let Slice { lines, first } = self.0[slice];
+        let last = lines.len() - 1;
+        let at = (y - first).max(0) as usize;
+        let next = (y + 1 - first).max(0) as usize;
+        [&lines[at.min(last)], &lines[next.min(last)]]
     }
 }

@@ -4,12 +4,12 @@ use super::accumulators::Accumulators;
 use super::cursor;
 use super::features::Specialisation;
 use super::lanes::interpolate::{along_z_and_y, differences_along_z_and_y, samples};
-use super::lanes::shade::{SampleRow, Shader, keep_extremes};
+use super::lanes::shade::{SampleRow, Shader, keep_values};
 use super::line::Line;
 use super::prepared::Prepared;
 use super::simd::{Simd, each};
 use super::slices::Slice;
-use super::staging::Staging;
+use super::staging::{Staging, Window};
 use super::visible::Seen;
 use crate::render::Cancel;
 use crate::stage::classify::Classified;
@@ -38,8 +38,9 @@ pub struct Scratch {
 /// Rows on their way through interpolation.
 #[derive(Debug)]
 struct Rows {
-    /// Interpolated along z and y, by row modulo the ring.
-    lines: [Line; RING],
+    /// Interpolated along z and y.
+    line: Line,
+    /// Differences along z, by row modulo the ring.
     differences: [Line; RING],
     samples: [Line; RING],
     factors: Line,
@@ -48,7 +49,7 @@ struct Rows {
 impl Default for Rows {
     fn default() -> Self {
         Self {
-            lines: [Line::ZERO; RING],
+            line: Line::ZERO,
             differences: [Line::ZERO; RING],
             samples: [Line::ZERO; RING],
             factors: Line::ZERO,
@@ -82,17 +83,31 @@ pub fn march<S: Simd, Z: Specialisation>(
         let voxels = slice.x.voxels(&slice.x.rays);
         // Rays with a sample have a voxel below it.
         let span = voxels.start as usize..voxels.end as usize;
-        for ray in tile.interpolated(&rays) {
-            tile.interpolate(simd, slice, ray, features.gradient(), scratch);
+        let Scratch { staging, accumulators, rows } = &mut *scratch;
+        let window = tile.window(slice, staging);
+        let [width, ..] = prepared.volume.size;
+        let weights = [slice.weight, slice.y.weight];
+        for ray in rays.start - tile.margin..rays.end + tile.margin {
+            let voxel_y = ray + slice.y.first;
+            let corners = [window.rows(1, voxel_y), window.rows(2, voxel_y)];
+            let line = along_z_and_y(simd, corners, weights, width, &mut rows.line);
             // With gradients a row waits for the one behind it.
             let ready = ray - tile.margin;
-            if ready < rays.start {
-                continue;
+            if features.gradient() {
+                samples(simd, line, slice.x.weight, width, &mut rows.samples[place(ray)]);
+                if rays.contains(&ray) {
+                    let before = [window.rows(0, voxel_y), corners[0]];
+                    let behind = [corners[1], window.rows(3, voxel_y)];
+                    let differences = &mut rows.differences[place(ray)];
+                    differences_along_z_and_y(simd, before, behind, weights, width, differences);
+                }
+                if ready < rays.start {
+                    continue;
+                }
             }
             let voxel_y = ready + slice.y.first;
             let ray_row = (ready - tile.rows.start.cast_signed()) as usize;
-            let Scratch { accumulators, rows, .. } = &mut *scratch;
-            if prepared.features.blend == BlendMode::Alpha {
+            if features.blend == BlendMode::Alpha {
                 tile.cursor(slice, voxel_y, &span, ray_row, accumulators);
             }
             let seen = match &prepared.visible {
@@ -102,8 +117,8 @@ pub fn march<S: Simd, Z: Specialisation>(
             if seen == Seen::None {
                 continue;
             }
-                        let row = SampleRow {
-                line: &rows.lines[place(ready)],
+            let row = SampleRow {
+                line,
                 samples: each!([-1, 0, 1], |next| &rows.samples[place(ready + next)]),
                 differences: &rows.differences[place(ready)],
                 x_weight: slice.x.weight,
@@ -111,9 +126,9 @@ pub fn march<S: Simd, Z: Specialisation>(
             };
             let first = slice.x.first;
             if extremes_only {
-                keep_extremes(simd, features.blend, &row, span.clone(), accumulators, ray_row, first);
+                keep_values(simd, features.blend, &row, &span, &mut accumulators.row(ray_row, first));
             } else {
-                shader.composite(&row, span.clone(), accumulators, ray_row, first);
+                shader.composite(&row, &span, accumulators, ray_row, first);
             }
         }
     }
@@ -135,11 +150,6 @@ impl Tile<'_> {
         let start = slice.y.rays.start.max(self.rows.start);
         let end = slice.y.rays.end.min(self.rows.end);
         start.cast_signed()..end.cast_signed()
-    }
-
-    /// Rows of rays whose samples are interpolated.
-    fn interpolated(&self, rays: &Range<i32>) -> Range<i32> {
-        rays.start - self.margin..rays.end + self.margin
     }
 
     /// Rows of a voxel slice that are in use at a time at most.
@@ -187,37 +197,12 @@ impl Tile<'_> {
         rows.start.max(0) as usize..(rows.end.max(0) as usize).min(height)
     }
 
-    /// Interpolates a row of samples into its place in the rings.
+    /// The voxel slices around a sample slice.
     #[inline(always)]
-    fn interpolate<S: Simd>(
-        &self,
-        simd: S,
-        slice: &Slice,
-        ray: i32,
-        gradients: bool,
-        scratch: &mut Scratch,
-    ) {
-        let Scratch { staging, rows, .. } = scratch;
-        let [width, ..] = self.prepared.volume.size;
-        let y = ray + slice.y.first;
-        let weights = [slice.weight, slice.y.weight];
-        let place = place(ray);
-        let [below, above] = [slice.below, slice.below + 1];
-        let around = [self.pair(staging, y, below), self.pair(staging, y, above)];
-        along_z_and_y(simd, around, weights, width, &mut rows.lines[place]);
-        if gradients {
-            samples(simd, &rows.lines[place], slice.x.weight, 0..width, &mut rows.samples[place]);
-            let before = [self.pair(staging, y, below - 1), around[0]];
-            let behind = [around[1], self.pair(staging, y, above + 1)];
-            differences_along_z_and_y(simd, before, behind, weights, width, &mut rows.differences[place]);
-        }
-    }
-
-    /// The rows at y and y + 1 of a slice.
-    #[inline(always)]
-    fn pair<'s>(&self, staging: &'s Staging, y: i32, z: i32) -> [&'s Line; 2] {
-        let slice = self.inside(z);
-        [staging.row(y, slice), staging.row(y + 1, slice)]
+    fn window<'s>(&self, slice: &Slice, staging: &'s Staging) -> Window<'s> {
+        let margin = self.margin;
+        // Without gradients those in the middle are all.
+        staging.window(each!([-margin, 0, 1, 1 + margin], |z| self.inside(slice.below + z)))
     }
 
     /// Blends the cursor's samples of a row in front of the volume's.

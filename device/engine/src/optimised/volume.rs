@@ -9,6 +9,8 @@ use vg500_regs::{SharedView, VoxelFormat};
 
 /// Voxels of a side of the squares that are transposed.
 const SQUARE: usize = 16;
+/// Lines that come from the same squares: as many voxels as a cache line holds.
+const GROUP: usize = 2 * SQUARE;
 
 /// Lines of some rows of slices.
 #[derive(Debug)]
@@ -79,7 +81,7 @@ impl<'a> Volume<'a> {
     /// Slices that are brought in together: those of a square of transposed voxels, or one.
     #[must_use]
     pub const fn slices_at_once(&self) -> usize {
-        if self.contiguous == 2 { SQUARE } else { 1 }
+        if self.contiguous == 2 { GROUP } else { 1 }
     }
 
     /// The slices that are brought in together with slice `z`.
@@ -106,15 +108,9 @@ impl<'a> Volume<'a> {
                 }
             }
             1 => {
-                for z in slices.clone() {
-                    self.load_columns(simd, rows.clone(), |y| [y, z], lines);
-                }
+                self.load_columns(simd, rows.clone(), slices.clone(), |y, z| [y, z], lines);
             }
-            _ => {
-                for y in rows.clone() {
-                    self.load_columns(simd, slices.clone(), |z| [y, z], lines);
-                }
-            }
+            _ => self.load_columns(simd, slices.clone(), rows.clone(), |z, y| [y, z], lines),
         }
         for z in slices {
             rows.clone().for_each(|y| lines.at(y, z).replicate_ends(self.size[0]));
@@ -140,18 +136,20 @@ impl<'a> Volume<'a> {
         for block in Line::blocks(0..self.size[0], S::LANES) {
             // SAFETY: blocks end at the row's length rounded up to whole vectors at the latest.
             let voxels = unsafe { simd.load_voxels(self.format, from.add(block.start() * bytes)) };
+            simd.prefetch(from.wrapping_add(block.start() * bytes).wrapping_offset(self.strides[2]));
             line.store(simd, block, voxels);
         }
     }
 
-    /// Reads the lines `along` the axis on which voxels follow each other, square by square; `at` gives y and z of
-    /// each.
+    /// Reads the lines `along` the axis on which voxels follow each other, for each of the coordinates `across` on
+    /// the other one; `at` makes y and z of both.
     #[inline(always)]
     fn load_columns<S: Simd>(
         &self,
         simd: S,
         along: Range<usize>,
-        at: impl Fn(usize) -> [usize; 2],
+        across: Range<usize>,
+        at: impl Fn(usize, usize) -> [usize; 2],
         lines: &mut Lines<'_>,
     ) {
         let mut next = along.start;
@@ -160,38 +158,48 @@ impl<'a> Volume<'a> {
             let here = next..group.end.min(along.end);
             // The voxel of the group with the lowest address.
             let lowest = if self.strides[self.contiguous] < 0 { group.end - 1 } else { group.start };
-            let [lowest_y, lowest_z] = at(lowest);
             for x in (0..self.size[0]).step_by(SQUARE) {
-                let square = self.load_square(simd, [x, lowest_y, lowest_z]);
-                for index in here.clone() {
-                    let [y, z] = at(index);
-                    lines.at(y, z).store_16(x, &square[index.abs_diff(lowest)]);
+                for across in across.clone() {
+                    let [y, z] = at(lowest, across);
+                    let start = self.offset([x, y, z]);
+                    let first = self.load_square(simd, start);
+                    let second = self.load_square(simd, start + self.group_bytes() / 2);
+                    for index in here.clone() {
+                        let [y, z] = at(index, across);
+                        let place = index.abs_diff(lowest);
+                        let square = if place < SQUARE { &first } else { &second };
+                        lines.at(y, z).store_16(x, &square[place % SQUARE]);
+                    }
                 }
             }
             next = here.end;
         }
     }
 
-    /// The coordinates on an axis, on which voxels follow each other, whose voxels share a square with `index`:
-    /// squares begin at multiples of 16 voxels of the object.
+    /// Bytes of the voxels of a group that follow each other.
+    const fn group_bytes(&self) -> isize {
+        (GROUP * self.format.bytes()).cast_signed()
+    }
+
+    /// The coordinates on an axis, on which voxels follow each other, that are read together with `index`: groups
+    /// begin at multiples of 32 voxels of the object.
     fn group(&self, axis: usize, index: usize) -> Range<usize> {
         let size = self.size[axis];
         if self.strides[axis] < 0 {
             let object = size - 1 - index;
-            let first = object / SQUARE * SQUARE;
-            size - (first + SQUARE).min(size)..size - first
+            let first = object / GROUP * GROUP;
+            size - (first + GROUP).min(size)..size - first
         } else {
-            let first = index / SQUARE * SQUARE;
-            first..(first + SQUARE).min(size)
+            let first = index / GROUP * GROUP;
+            first..(first + GROUP).min(size)
         }
     }
 
-    /// Reads 16 x 16 voxels: along x from `[x, y, z]` on, and for each of these those that follow in memory; as
+    /// Reads 16 x 16 voxels: along x from a byte offset on, and for each of these those that follow in memory; as
     /// rows along x.
     #[inline(always)]
-    fn load_square<S: Simd>(&self, simd: S, at: [usize; 3]) -> [[u16; SQUARE]; SQUARE] {
+    fn load_square<S: Simd>(&self, simd: S, start: isize) -> [[u16; SQUARE]; SQUARE] {
         let bytes = self.format.bytes();
-        let start = self.offset(at);
         let pitch = self.strides[0];
         let length = pitch.unsigned_abs() * (SQUARE - 1) + SQUARE * bytes;
         if let Some(place) = self.place(start, length) {

@@ -22,10 +22,11 @@ fn optimised_speed() {
         for (view, word, step) in [("head-on", 0x210, [0, 0]), ("shear z", 0x210, [VOXEL / 3, VOXEL / 5]), ("corner z", 0x210, [VOXEL, VOXEL]), ("flip z", 0x254, [VOXEL / 3, VOXEL / 5]), ("shear y", 0x120, [VOXEL / 3, VOXEL / 5]), ("shear x", 0x012, [VOXEL / 3, VOXEL / 5])] {
             let scene = Scene { illumination: light, blend, step, permutation: Permutation::from_word(word).unwrap(), ..Scene::new(store) }.with_all_rays();
             let scene = Scene { rays: scene.rays.map(|r| r.min(511)), ..scene };
+            if let Ok(only) = std::env::var("ONLY") && !format!("{name} {view}").starts_with(&only) { continue; }
             let task = card.task(&scene).unwrap();
             print!("{name:>10} {view:>9}:");
             for level in Level::all().filter(|l| l.name() != "portable" || std::env::var("PORTABLE").is_ok()) {
-                for threads in [1, 2] {
+                for threads in if std::env::var("ONE").is_ok() { vec![1] } else { vec![1, 2] } {
                     let engine = Renderer::Optimised { level, threads }.start();
                     let mut times: Vec<f64> = (0..15).map(|_| {
                         let memories = Memories { voxel: SharedView::of(&mut card.voxels), pixel: SharedView::of(&mut card.pixels) };

@@ -32,7 +32,7 @@ pub fn alpha<S: Simd>(
     rays.store(simd, ALPHA, block, sum);
 }
 
-/// Where `visible` values beat the extremes.
+/// Where values beat the extremes.
 #[inline(always)]
 pub fn beats<S: Simd>(
     simd: S,
@@ -40,14 +40,12 @@ pub fn beats<S: Simd>(
     rays: &Row<'_>,
     block: Block,
     values: S::Words,
-    visible: S::Mask,
 ) -> S::Mask {
     let extreme = rays.load(simd, EXTREME, block);
-    let beats = match blend {
+    match blend {
         BlendMode::Minimum => simd.greater(extreme, values),
         _ => simd.greater(values, extreme),
-    };
-    simd.both(beats, visible)
+    }
 }
 
 /// Replaces what rays have where their extremes are beaten.
@@ -68,7 +66,7 @@ pub fn replace<S: Simd>(
     }
 }
 
-/// Keeps the extremes of visible values alone; what they look like is looked up when the rays are complete.
+/// Keeps the extremes alone; what they look like is looked up when the rays are complete.
 #[inline(always)]
 pub fn extreme<S: Simd>(
     simd: S,

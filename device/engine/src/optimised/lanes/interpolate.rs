@@ -2,7 +2,6 @@
 
 use crate::optimised::line::{Block, Line};
 use crate::optimised::simd::{Simd, SimdExt, each};
-use core::ops::Range;
 
 /// A weight of 8 fraction bits as [`SimdExt::lerp`] takes it.
 #[inline(always)]
@@ -13,22 +12,19 @@ pub fn weight<S: Simd>(simd: S, weight: i16) -> S::Words {
 /// Rows above and below a sample row in two slices: `rows[z][y]`.
 pub type Corners<'a> = [[&'a Line; 2]; 2];
 
-/// Interpolates the rows around a sample row along z and y. Weights that are zero leave their interpolation out.
+/// Interpolates the rows around a sample row along z and y, into `line` unless it is one of them. Weights that are
+/// zero leave their interpolation out.
 #[inline(always)]
-pub fn along_z_and_y<S: Simd>(
+pub fn along_z_and_y<'a, S: Simd>(
     simd: S,
-    rows: Corners<'_>,
+    rows: Corners<'a>,
     weights: [i16; 2],
     voxels: usize,
-    line: &mut Line,
-) {
+    line: &'a mut Line,
+) -> &'a Line {
     let [z, y] = [weight(simd, weights[0]), weight(simd, weights[1])];
     match weights {
-        [0, 0] => {
-            for block in simd.blocks(0..voxels) {
-                line.store(simd, block, rows[0][0].load(simd, block));
-            }
-        }
+        [0, 0] => return rows[0][0],
         [0, _] => {
             for block in simd.blocks(0..voxels) {
                 let [above, below] = [rows[0][0].load(simd, block), rows[0][1].load(simd, block)];
@@ -45,6 +41,7 @@ pub fn along_z_and_y<S: Simd>(
         }
     }
     line.replicate_ends(voxels);
+    line
 }
 
 /// The differences along z, halved ([`crate::stage::gradient::voxel_difference`]), interpolated along z and y:
@@ -113,22 +110,21 @@ pub fn samples<S: Simd>(
     simd: S,
     line: &Line,
     x_weight: i16,
-    voxels: Range<usize>,
+    voxels: usize,
     samples: &mut Line,
 ) {
     let x = weight(simd, x_weight);
-    let size = voxels.end;
     if x_weight == 0 {
-        for block in simd.blocks(voxels) {
+        for block in simd.blocks(0..voxels) {
             samples.store(simd, block, unguard(simd, line.load(simd, block)));
         }
     } else {
-        for block in simd.blocks(voxels) {
+        for block in simd.blocks(0..voxels) {
             samples.store(simd, block, unguard(simd, along_x(simd, line, block, x)));
         }
     }
     // The neighbours of the outermost samples lie between replicated voxels.
     samples.set(-1, crate::stage::interpolate::unguard(i32::from(line.get(0))));
-    let last = size.cast_signed();
+    let last = voxels.cast_signed();
     samples.set(last, crate::stage::interpolate::unguard(i32::from(line.get(last - 1))));
 }

@@ -5,7 +5,7 @@ use super::illuminate::{Light, Material};
 use super::interpolate::{along_x, unguard, weight};
 use super::light::Stretched;
 use super::{composite, composite::product};
-use crate::optimised::accumulators::{Accumulators, no_extreme};
+use crate::optimised::accumulators::{Accumulators, Row, SumRow, no_extreme};
 use crate::optimised::features::{Features, Specialisation};
 use crate::optimised::line::{Block, Line};
 use crate::optimised::prepared::Prepared;
@@ -68,90 +68,100 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
     pub fn composite(
         &self,
         row: &SampleRow<'_>,
-        span: Range<usize>,
+        span: &Range<usize>,
         accumulators: &mut Accumulators,
         ray_row: usize,
         first: i32,
     ) {
-        let simd = self.simd;
-        let features = self.specialisation.features(self.features);
-        let x_weight = weight(simd, row.x_weight);
-        let transparent = simd.splat(Classification::TRANSPARENT as i16);
-        for block in simd.blocks(span.clone()) {
-            let values = if features.gradient() {
-                row.samples[1].load(simd, block)
-            } else if row.x_weight == 0 {
-                unguard(simd, row.line.load(simd, block))
-            } else {
-                unguard(simd, along_x(simd, row.line, block, x_weight))
-            };
-            let mut seen = values;
-            if block.start() < span.start || block.start() + S::LANES > span.end {
-                seen = simd.select(self.inside(block, &span), seen, transparent);
-            }
-            let mut factors = simd.splat(256);
-            if let Some(line) = row.factors {
-                factors = line.load(simd, block);
-                seen = simd.select(simd.greater(factors, simd.splat(0)), seen, transparent);
-            }
-            if features.blend == BlendMode::Alpha {
-                // SAFETY: samples are within their voxels, of 12 bits, or TRANSPARENT.
-                let [r, g, b, alpha] = unsafe { simd.classify(self.table, seen) };
-                if !simd.any(simd.greater(alpha, simd.splat(0))) {
-                    continue;
-                }
-                let mut rays = accumulators.row(ray_row, first);
-                if features.premultiplied {
-                    composite::alpha(simd, &mut rays, block, [r, g, b], alpha);
-                    continue;
-                }
-                let (color, mut alpha) = self.shade(features, row, block, x_weight, [r, g, b], alpha);
-                if features.cut {
-                    // (alpha factor + 128) >> 8
-                    alpha = simd
-                        .multiply_round(simd.shift_left::<3>(alpha), simd.shift_left::<4>(factors));
-                }
-                let [r, g, b] = color;
-                let color = each!([r, g, b], |channel| product(simd, channel, alpha));
-                composite::alpha(simd, &mut rays, block, color, alpha);
-                continue;
-            }
-            let visible = simd.greater(transparent, seen);
-            if !simd.any(visible) {
-                continue;
-            }
-            if features.blend == BlendMode::Sum {
-                // SAFETY: as above.
-                let [r, g, b, alpha] = unsafe { simd.classify(self.table, seen) };
-                let mut rays = accumulators.sum_row(ray_row, first);
-                if features.premultiplied {
-                    composite::sum(simd, &mut rays, block, [r, g, b], alpha, visible);
-                    continue;
-                }
-                let (color, alpha) = self.shade(features, row, block, x_weight, [r, g, b], alpha);
-                let [r, g, b] = color;
-                let color = each!([r, g, b], |channel| product(simd, channel, alpha));
-                composite::sum(simd, &mut rays, block, color, alpha, visible);
-                continue;
-            }
-            let mut rays = accumulators.row(ray_row, first);
-            let beats = composite::beats(simd, features.blend, &rays, block, values, visible);
-            if simd.any(beats) {
-                // SAFETY: as above.
-                let [r, g, b, alpha] = unsafe { simd.classify(self.table, seen) };
-                let (color, alpha) = self.shade(features, row, block, x_weight, [r, g, b], alpha);
-                composite::replace(simd, &mut rays, block, beats, color, alpha, values);
+        match self.features().blend {
+            BlendMode::Alpha => self.blend_alpha(row, span, &mut accumulators.row(ray_row, first)),
+            BlendMode::Sum => self.add_up(row, span, &mut accumulators.sum_row(ray_row, first)),
+            BlendMode::Maximum | BlendMode::Minimum => {
+                self.keep_extremes(row, span, &mut accumulators.row(ray_row, first));
             }
         }
     }
 
-    /// The lanes of a block that lie in a span.
     #[inline(always)]
-    fn inside(&self, block: Block, span: &Range<usize>) -> S::Mask {
+    fn features(&self) -> Features {
+        self.specialisation.features(self.features)
+    }
+
+    /// Front-to-back blending of a row.
+    #[inline(always)]
+    fn blend_alpha(&self, row: &SampleRow<'_>, span: &Range<usize>, rays: &mut Row<'_>) {
         let simd = self.simd;
-        let place = simd.add(simd.count(), simd.splat(block.start() as i16));
-        let [before, end] = [span.start as i16 - 1, span.end as i16].map(|it| simd.splat(it));
-        simd.both(simd.greater(place, before), simd.greater(end, place))
+        let features = self.features();
+        let sampling = Sampling::new(simd, row, span, features.gradient());
+        for block in simd.blocks(span.clone()) {
+            let values = sampling.values(simd, block);
+            let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
+            // SAFETY: samples are within their voxels, of 12 bits, or TRANSPARENT.
+            let [r, g, b, alpha] = unsafe { simd.classify(self.table, seen) };
+            if !simd.any(simd.greater(alpha, simd.splat(0))) {
+                continue;
+            }
+            if features.premultiplied {
+                composite::alpha(simd, rays, block, [r, g, b], alpha);
+                continue;
+            }
+            let (color, mut alpha) =
+                self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
+            if features.cut {
+                // (alpha factor + 128) >> 8
+                let factor = simd.shift_left::<4>(sampling.factors(simd, block));
+                alpha = simd.multiply_round(simd.shift_left::<3>(alpha), factor);
+            }
+            let [r, g, b] = color;
+            let color = each!([r, g, b], |channel| product(simd, channel, alpha));
+            composite::alpha(simd, rays, block, color, alpha);
+        }
+    }
+
+    /// Weighted sum of a row.
+    #[inline(always)]
+    fn add_up(&self, row: &SampleRow<'_>, span: &Range<usize>, rays: &mut SumRow<'_>) {
+        let simd = self.simd;
+        let features = self.features();
+        let sampling = Sampling::new(simd, row, span, features.gradient());
+        let transparent = simd.splat(Classification::TRANSPARENT as i16);
+        for block in simd.blocks(span.clone()) {
+            let values = sampling.values(simd, block);
+            let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
+            let visible = simd.greater(transparent, seen);
+            // SAFETY: as in `blend_alpha`.
+            let [r, g, b, alpha] = unsafe { simd.classify(self.table, seen) };
+            if features.premultiplied {
+                composite::sum(simd, rays, block, [r, g, b], alpha, visible);
+                continue;
+            }
+            let (color, alpha) =
+                self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
+            let [r, g, b] = color;
+            let color = each!([r, g, b], |channel| product(simd, channel, alpha));
+            composite::sum(simd, rays, block, color, alpha, visible);
+        }
+    }
+
+    /// MIP and MinIP of shaded samples of a row: blocks without a new extreme need no colours.
+    #[inline(always)]
+    fn keep_extremes(&self, row: &SampleRow<'_>, span: &Range<usize>, rays: &mut Row<'_>) {
+        let simd = self.simd;
+        let features = self.features();
+        let sampling = Sampling::new(simd, row, span, features.gradient());
+        let nothing = no_extreme(features.blend);
+        for block in simd.blocks(span.clone()) {
+            let values = sampling.values(simd, block);
+            let seen = sampling.seen(simd, block, values, nothing);
+            let beats = composite::beats(simd, features.blend, rays, block, seen);
+            if simd.any(beats) {
+                // SAFETY: as in `blend_alpha`.
+                let [r, g, b, alpha] = unsafe { simd.classify(self.table, values) };
+                let (color, alpha) =
+                    self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
+                composite::replace(simd, rays, block, beats, color, alpha, values);
+            }
+        }
     }
 
     /// Modulates and illuminates classified samples.
@@ -193,36 +203,77 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
     }
 }
 
-/// Keeps the extremes of a row of samples that need no light: see [`composite::extreme`].
+/// How the sample values of a row are had.
+struct Sampling<'a, S: Simd> {
+    row: &'a SampleRow<'a>,
+    span: Range<usize>,
+    gradient: bool,
+    x_weight: S::Words,
+}
+
+impl<'a, S: Simd> Sampling<'a, S> {
+    #[inline(always)]
+    fn new(simd: S, row: &'a SampleRow<'a>, span: &Range<usize>, gradient: bool) -> Self {
+        Self { row, span: span.clone(), gradient, x_weight: weight(simd, row.x_weight) }
+    }
+
+    /// The samples of a block.
+    #[inline(always)]
+    fn values(&self, simd: S, block: Block) -> S::Words {
+        if self.gradient {
+            self.row.samples[1].load(simd, block)
+        } else if self.row.x_weight == 0 {
+            unguard(simd, self.row.line.load(simd, block))
+        } else {
+            unguard(simd, along_x(simd, self.row.line, block, self.x_weight))
+        }
+    }
+
+    /// The factors of a block's opacities; there are some.
+    #[inline(always)]
+    fn factors(&self, simd: S, block: Block) -> S::Words {
+        match self.row.factors {
+            Some(line) => line.load(simd, block),
+            None => simd.splat(256),
+        }
+    }
+
+    /// Values, but `hidden` where there is no sample, or one that cannot be seen.
+    #[inline(always)]
+    fn seen(&self, simd: S, block: Block, values: S::Words, hidden: i16) -> S::Words {
+        let mut seen = values;
+        if block.start() < self.span.start || block.start() + S::LANES > self.span.end {
+            seen = simd.select(inside(simd, block, &self.span), seen, simd.splat(hidden));
+        }
+        if let Some(line) = self.row.factors {
+            let visible = simd.greater(line.load(simd, block), simd.splat(0));
+            seen = simd.select(visible, seen, simd.splat(hidden));
+        }
+        seen
+    }
+}
+
+/// The lanes of a block that lie in a span.
 #[inline(always)]
-pub fn keep_extremes<S: Simd>(
+fn inside<S: Simd>(simd: S, block: Block, span: &Range<usize>) -> S::Mask {
+    let place = simd.add(simd.count(), simd.splat(block.start() as i16));
+    let [before, end] = [simd.splat(span.start as i16 - 1), simd.splat(span.end as i16)];
+    simd.both(simd.greater(place, before), simd.greater(end, place))
+}
+
+/// MIP and MinIP of a row of samples that need no light: see [`composite::extreme`].
+#[inline(always)]
+pub fn keep_values<S: Simd>(
     simd: S,
     blend: BlendMode,
     row: &SampleRow<'_>,
-    span: Range<usize>,
-    accumulators: &mut Accumulators,
-    ray_row: usize,
-    first: i32,
+    span: &Range<usize>,
+    rays: &mut Row<'_>,
 ) {
-    let mut rays = accumulators.row(ray_row, first);
-    let x_weight = weight(simd, row.x_weight);
-    let none = simd.splat(no_extreme(blend));
-    let [before, end] = [span.start as i16 - 1, span.end as i16].map(|it| simd.splat(it));
+    let sampling = Sampling::new(simd, row, span, false);
     for block in simd.blocks(span.clone()) {
-        let mut values = if row.x_weight == 0 {
-            unguard(simd, row.line.load(simd, block))
-        } else {
-            unguard(simd, along_x(simd, row.line, block, x_weight))
-        };
-        if block.start() < span.start || block.start() + S::LANES > span.end {
-            let place = simd.add(simd.count(), simd.splat(block.start() as i16));
-            let inside = simd.both(simd.greater(place, before), simd.greater(end, place));
-            values = simd.select(inside, values, none);
-        }
-        if let Some(line) = row.factors {
-            let seen = simd.greater(line.load(simd, block), simd.splat(0));
-            values = simd.select(seen, values, none);
-        }
-        composite::extreme(simd, blend, &mut rays, block, values);
+        let values = sampling.values(simd, block);
+        let seen = sampling.seen(simd, block, values, no_extreme(blend));
+        composite::extreme(simd, blend, rays, block, seen);
     }
 }
