@@ -30,9 +30,10 @@ fn optimised_speed() {
                     let engine = Renderer::Optimised { level, threads }.start();
                     let mut times: Vec<f64> = (0..15).map(|_| {
                         let memories = Memories { voxel: SharedView::of(&mut card.voxels), pixel: SharedView::of(&mut card.pixels) };
-                        let begin = Instant::now();
+                        let cpu = || std::fs::read_to_string("/proc/self/schedstat").unwrap().split(' ').next().unwrap().parse::<f64>().unwrap() / 1e9;
+                        let begin = Instant::now(); let c = cpu();
                         engine.render(&task, memories, &Cancel::default()).unwrap();
-                        begin.elapsed().as_secs_f64()
+                        if threads == 1 { cpu() - c } else { begin.elapsed().as_secs_f64() }
                     }).collect();
                     times.sort_by(f64::total_cmp);
                     print!("  {} {threads}T best {:6.0} median {:6.0}", level.name(), 16.777216 / times[0], 16.777216 / times[7]);
