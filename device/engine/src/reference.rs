@@ -171,7 +171,11 @@ fn cover_with_cursor(frame: &FrameDescription, cursor: &Cursor, slice: &SampleSl
 }
 
 /// Rays as they begin: empty, or with the accumulators of an earlier frame.
-pub(crate) fn first_rays(frame: &FrameDescription, plan: &Plan, pixels: SharedView<'_>) -> Result<Vec<Ray>, Fault> {
+pub(crate) fn first_rays(
+    frame: &FrameDescription,
+    plan: &Plan,
+    pixels: SharedView<'_>,
+) -> Result<Vec<Ray>, Fault> {
     let [width, height] = frame.rays.size;
     let Some(plane) = frame.output.accumulators else {
         return Ok(vec![Ray::default(); (width * height) as usize]);

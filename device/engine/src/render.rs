@@ -159,12 +159,7 @@ pub enum Engine {
 
 impl Engine {
     /// Renders a frame into pixel memory.
-    pub fn render(
-        &self,
-        task: &Task,
-        memories: Memories<'_>,
-        cancel: &Cancel,
-    ) -> Result<Report, Fault> {
+    pub fn render(&self, task: &Task, memories: Memories<'_>, cancel: &Cancel) -> Result<Report, Fault> {
         let plan = Plan::new(&task.frame);
         let checksum = match self {
             Self::Reference => reference::render(task, &plan, memories, cancel)?,

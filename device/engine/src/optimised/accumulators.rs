@@ -2,6 +2,7 @@
 
 use super::line::Block;
 use super::simd::{MOST_LANES, Simd};
+use super::tables::Classification;
 use crate::stage::composite::Ray;
 use vg500_regs::BlendMode;
 use vg500_regs::limit::BASE_PLANE_SIZE;
@@ -19,11 +20,30 @@ pub const EXTREME: usize = 4;
 /// Channel of the number of samples of a sum.
 pub const COUNT: usize = 4;
 
-/// Accumulators of some rows of rays: 16 bits for each channel, or 32 in sums.
+/// A channel of a row; the first ray lies at the beginning of a cache line.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+struct Channel<T>([T; ROW]);
+
+/// How accumulators lie in memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Layout {
+    /// 16 bits, channel by channel.
+    #[default]
+    Planes,
+    /// 16 bits, R, G, B and opacity of a ray next to each other.
+    Rays,
+    /// 32 bits, channel by channel.
+    Sums,
+}
+
+/// Accumulators of some rows of rays.
 #[derive(Debug, Default)]
 pub struct Accumulators {
-    words: Vec<[[u16; ROW]; CHANNELS]>,
-    sums: Vec<[[u32; ROW]; CHANNELS]>,
+    layout: Layout,
+    planes: Vec<[Channel<u16>; CHANNELS]>,
+    rays: Vec<Channel<[u16; 4]>>,
+    sums: Vec<[Channel<u32>; CHANNELS]>,
 }
 
 /// What a ray without a visible sample has as its extreme.
@@ -34,77 +54,109 @@ pub const fn no_extreme(blend: BlendMode) -> i16 {
 
 impl Accumulators {
     /// Empties the accumulators of `rows` rows.
-    pub fn clear(&mut self, blend: BlendMode, rows: usize) {
-        if blend == BlendMode::Sum {
-            self.sums.clear();
-            self.sums.resize(rows, [[0; ROW]; CHANNELS]);
-            return;
+    pub fn clear(&mut self, layout: Layout, blend: BlendMode, rows: usize) {
+        self.layout = layout;
+        let mut empty = [Channel([0; ROW]); CHANNELS];
+        if matches!(blend, BlendMode::Maximum | BlendMode::Minimum) {
+            empty[EXTREME].0.fill(no_extreme(blend).cast_unsigned());
         }
-        self.words.resize(rows, [[0; ROW]; CHANNELS]);
-        let extremes = matches!(blend, BlendMode::Maximum | BlendMode::Minimum);
-        for row in &mut self.words {
-            row[..CHANNELS - 1].iter_mut().for_each(|channel| channel.fill(0));
-            if extremes {
-                row[EXTREME].fill(no_extreme(blend).cast_unsigned());
+        self.planes.clear();
+        self.rays.clear();
+        self.sums.clear();
+        match layout {
+            Layout::Planes => self.planes.resize(rows, empty),
+            Layout::Rays => self.rays.resize(rows, Channel([[0; 4]; ROW])),
+            Layout::Sums => self.sums.resize(rows, [Channel([0; ROW]); CHANNELS]),
+        }
+    }
+
+    /// Replaces the ray at a column of a row.
+    pub fn set(&mut self, row: usize, column: usize, ray: &Ray) {
+        let at = MARGIN + column;
+        let [r, g, b] = ray.color;
+        let color = [r, g, b, ray.alpha].map(|channel| channel as u16);
+        match self.layout {
+            Layout::Rays => self.rays[row].0[at] = color,
+            Layout::Planes => {
+                for (plane, channel) in self.planes[row].iter_mut().zip(color) {
+                    plane.0[at] = channel;
+                }
+                if ray.valid {
+                    self.planes[row][EXTREME].0[at] = ray.extreme;
+                }
+            }
+            Layout::Sums => {
+                for (plane, channel) in self.sums[row].iter_mut().zip([r, g, b, ray.alpha, ray.samples]) {
+                    plane.0[at] = channel;
+                }
             }
         }
     }
 
-    /// The rays of a row, from the first column on.
-    pub fn load(&mut self, blend: BlendMode, row: usize, rays: &[Ray]) {
-        for (column, ray) in rays.iter().enumerate() {
-            let at = MARGIN + column;
-            let [r, g, b] = ray.color;
-            if blend == BlendMode::Sum {
-                let channels = [r, g, b, ray.alpha, ray.samples];
-                (0..CHANNELS).for_each(|channel| self.sums[row][channel][at] = channels[channel]);
-                continue;
-            }
-            let channels = [r, g, b, ray.alpha].map(|channel| channel as u16);
-            (0..EXTREME).for_each(|channel| self.words[row][channel][at] = channels[channel]);
-            if ray.valid {
-                self.words[row][EXTREME][at] = ray.extreme;
-            }
-        }
-    }
-
-    /// A ray as it stands. The extreme of one that has none is 0.
+    /// The ray at a column of a row. In MIP and MinIP one without an extreme is not valid.
     #[must_use]
     pub fn ray(&self, blend: BlendMode, row: usize, column: usize) -> Ray {
         let at = MARGIN + column;
-        if blend == BlendMode::Sum {
-            let [r, g, b, alpha, samples] = [0, 1, 2, 3, 4].map(|channel| self.sums[row][channel][at]);
-            return Ray { color: [r, g, b], alpha, samples, ..Ray::default() };
+        let of = |[r, g, b, alpha]: [u16; 4]| Ray {
+            color: [r, g, b].map(u32::from),
+            alpha: alpha.into(),
+            ..Ray::default()
+        };
+        match self.layout {
+            Layout::Rays => of(self.rays[row].0[at]),
+            Layout::Planes => {
+                let [r, g, b, alpha, extreme] =
+                    [0, 1, 2, 3, 4].map(|channel: usize| self.planes[row][channel].0[at]);
+                let extremes = matches!(blend, BlendMode::Maximum | BlendMode::Minimum);
+                let valid = extremes && extreme != no_extreme(blend).cast_unsigned();
+                Ray { extreme: if valid { extreme } else { 0 }, valid, ..of([r, g, b, alpha]) }
+            }
+            Layout::Sums => {
+                let [r, g, b, alpha, samples] =
+                    [0, 1, 2, 3, 4].map(|channel: usize| self.sums[row][channel].0[at]);
+                Ray { color: [r, g, b], alpha, samples, ..Ray::default() }
+            }
         }
-        let channels = &self.words[row];
-        let [r, g, b, alpha] = [0, 1, 2, 3].map(|channel: usize| u32::from(channels[channel][at]));
-        let extremes = matches!(blend, BlendMode::Maximum | BlendMode::Minimum);
-        let extreme = channels[EXTREME][at];
-        let valid = extremes && extreme != no_extreme(blend).cast_unsigned();
-        Ray { color: [r, g, b], alpha, extreme: if valid { extreme } else { 0 }, valid, samples: 0 }
     }
 
-    /// Replaces colour and opacity of a ray in front-to-back blending.
-    pub fn set_alpha_ray(&mut self, row: usize, column: usize, ray: &Ray) {
-        let [r, g, b] = ray.color;
-        for (channel, value) in [r, g, b, ray.alpha].into_iter().enumerate() {
-            self.words[row][channel][MARGIN + column] = value as u16;
+    /// R, G, B and opacity of the rays of a row, 12 bits each.
+    #[inline(always)]
+    pub fn colors(&self, row: usize, rays: usize, mut each: impl FnMut(usize, [u16; 4])) {
+        match self.layout {
+            Layout::Rays => {
+                let row = &self.rays[row].0[MARGIN..MARGIN + rays];
+                row.iter().enumerate().for_each(|(column, ray)| each(column, *ray));
+            }
+            Layout::Planes => {
+                let [r, g, b, a, _] = &self.planes[row];
+                for column in 0..rays {
+                    let at = MARGIN + column;
+                    each(column, [r.0[at], g.0[at], b.0[at], a.0[at]]);
+                }
+            }
+            Layout::Sums => {}
         }
     }
 
-    /// A channel of a row, from the first column on.
+    /// The extremes of a row, from the first column on.
     #[must_use]
-    pub fn channel(&self, row: usize, channel: usize) -> &[u16] {
-        &self.words[row][channel][MARGIN..]
+    pub fn extremes(&self, row: usize) -> &[u16] {
+        &self.planes[row][EXTREME].0[MARGIN..]
     }
 
     /// A row of rays of which the one at column 0 has its sample above voxel `first`.
     #[inline(always)]
     pub fn row(&mut self, row: usize, first: i32) -> Row<'_> {
-        Row(&mut self.words[row], Shift(first))
+        Row(&mut self.planes[row], Shift(first))
     }
 
-    /// As [`Self::row`], for sums.
+    /// As [`Self::row`], in [`Layout::Rays`].
+    #[inline(always)]
+    pub fn ray_row(&mut self, row: usize, first: i32) -> RayRow<'_> {
+        RayRow(&mut self.rays[row], Shift(first))
+    }
+
+    /// As [`Self::row`], in [`Layout::Sums`].
     #[inline(always)]
     pub fn sum_row(&mut self, row: usize, first: i32) -> SumRow<'_> {
         SumRow(&mut self.sums[row], Shift(first))
@@ -127,33 +179,54 @@ impl Shift {
 
 /// A row of accumulators.
 #[derive(Debug)]
-pub struct Row<'a>(&'a mut [[u16; ROW]; CHANNELS], Shift);
+pub struct Row<'a>(&'a mut [Channel<u16>; CHANNELS], Shift);
 
 impl Row<'_> {
     /// The accumulators of a channel under a block of voxels.
     #[inline(always)]
     pub fn load<S: Simd>(&self, simd: S, channel: usize, block: Block) -> S::Words {
         // SAFETY: the place is at least a vector before the row's end.
-        unsafe { simd.load(self.0[channel].as_ptr().add(self.1.place(block))) }
+        unsafe { simd.load(self.0[channel].0.as_ptr().add(self.1.place(block))) }
     }
 
     /// Replaces them.
     #[inline(always)]
     pub fn store<S: Simd>(&mut self, simd: S, channel: usize, block: Block, words: S::Words) {
         // SAFETY: the place is at least a vector before the row's end, which is borrowed for writing.
-        unsafe { simd.store(self.0[channel].as_mut_ptr().add(self.1.place(block)), words) }
+        unsafe { simd.store(self.0[channel].0.as_mut_ptr().add(self.1.place(block)), words) }
     }
 }
 
 /// A row of sums.
 #[derive(Debug)]
-pub struct SumRow<'a>(&'a mut [[u32; ROW]; CHANNELS], Shift);
+pub struct SumRow<'a>(&'a mut [Channel<u32>; CHANNELS], Shift);
 
 impl SumRow<'_> {
     /// Adds to the sums of a channel.
     #[inline(always)]
     pub fn add<S: Simd>(&mut self, simd: S, channel: usize, block: Block, words: S::Words) {
         // SAFETY: the place is at least a vector before the row's end, which is borrowed for writing.
-        unsafe { simd.add_to_sums(self.0[channel].as_mut_ptr().add(self.1.place(block)), words) }
+        unsafe { simd.add_to_sums(self.0[channel].0.as_mut_ptr().add(self.1.place(block)), words) }
+    }
+}
+
+/// A row of rays whose channels lie next to each other.
+#[derive(Debug)]
+pub struct RayRow<'a>(&'a mut Channel<[u16; 4]>, Shift);
+
+impl RayRow<'_> {
+    /// Blends premultiplied samples of a block of voxels.
+    ///
+    /// # Safety
+    ///
+    /// No value is greater than [`Classification::TRANSPARENT`].
+    #[inline(always)]
+    pub unsafe fn blend<S: Simd>(&mut self, simd: S, block: Block, table: &Classification, values: S::Words) {
+        // SAFETY: the caller's promise; the place is at least a vector before the row's end, which is borrowed for
+        // writing.
+        unsafe {
+            let rays = self.0.0.as_mut_ptr().add(self.1.place(block));
+            simd.blend_entries(table, values, rays.cast());
+        }
     }
 }

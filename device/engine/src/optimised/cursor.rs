@@ -31,12 +31,7 @@ pub fn row(
 }
 
 /// The part of a row of positions from `start` on that parts of the cursor may reach.
-fn reach(
-    cursor: &Cursor,
-    start: [i64; 3],
-    along: usize,
-    span: &Range<usize>,
-) -> Option<Range<usize>> {
+fn reach(cursor: &Cursor, start: [i64; 3], along: usize, span: &Range<usize>) -> Option<Range<usize>> {
     let whole = span.clone();
     let mut reach: Option<Range<usize>> = None;
     for part in (0..3).filter(|&part| cursor.enabled[part]) {

@@ -1,5 +1,6 @@
 //! What the pipeline of a frame consists of.
 
+use super::accumulators::Layout;
 use crate::frame::FrameDescription;
 use vg500_regs::BlendMode;
 
@@ -35,8 +36,7 @@ impl Features {
             diffuse,
             specular: needs.specular,
             magnitude: needs.magnitude,
-            premultiplied: accumulates
-                && !(diffuse || needs.specular || needs.opacity_modulation || cut),
+            premultiplied: accumulates && !(diffuse || needs.specular || needs.opacity_modulation || cut),
             cut,
             blend: frame.output.blend,
         }
@@ -47,6 +47,17 @@ impl Features {
     #[must_use]
     pub const fn light(self) -> bool {
         self.diffuse || self.specular
+    }
+
+    /// How accumulators lie in memory: where a table's entry is blended as it is, its channels stay together.
+    #[inline(always)]
+    #[must_use]
+    pub const fn layout(self) -> Layout {
+        match self.blend {
+            BlendMode::Sum => Layout::Sums,
+            BlendMode::Alpha if self.premultiplied => Layout::Rays,
+            _ => Layout::Planes,
+        }
     }
 
     /// Whether gradients are needed.

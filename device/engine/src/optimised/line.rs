@@ -32,7 +32,7 @@ impl Line {
 
     /// The blocks of `lanes` words that cover the words `range`.
     #[inline(always)]
-    pub fn blocks(range: Range<usize>, lanes: usize) -> impl Iterator<Item = Block> {
+    pub fn blocks(range: Range<usize>, lanes: usize) -> impl ExactSizeIterator<Item = Block> + Clone {
         let first = range.start / lanes;
         let end = range.end.min(VOXELS).div_ceil(lanes);
         (first..end).map(move |block| Block(block * lanes))

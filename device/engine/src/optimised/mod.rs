@@ -10,7 +10,7 @@
 //! Every word of the base plane equals that of [`crate::reference`]. Results depend neither on the level nor on
 //! the number of threads: a ray belongs to one tile, and its samples are composited in order.
 
-mod accumulators;
+pub mod accumulators;
 mod cursor;
 pub mod features;
 mod lanes;

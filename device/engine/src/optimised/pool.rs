@@ -71,9 +71,10 @@ impl Pool {
         // SAFETY: only the lifetime changes. No worker uses the job after it has said that it is done with it, or
         // has ended, and this function waits for that before it returns, or unwinds.
         let lent = unsafe { core::mem::transmute::<Job<'_>, Job<'static>>(job) };
-        let busy = self.workers.iter().filter(|worker| {
-            worker.jobs.as_ref().is_some_and(|jobs| jobs.send(lent).is_ok())
-        });
+        let busy = self
+            .workers
+            .iter()
+            .filter(|worker| worker.jobs.as_ref().is_some_and(|jobs| jobs.send(lent).is_ok()));
         let busy: Vec<_> = busy.collect();
         let own = catch_unwind(AssertUnwindSafe(|| job(&mut scratch)));
         let results: Vec<_> = busy.iter().filter_map(|worker| worker.done.recv().ok()).collect();

@@ -49,12 +49,7 @@ pub struct Prepared<'a> {
 
 impl<'a> Prepared<'a> {
     /// Prepares a frame.
-    pub fn new(
-        task: &'a Task,
-        plan: &Plan,
-        memories: Memories<'a>,
-        first_rays: Option<Vec<Ray>>,
-    ) -> Self {
+    pub fn new(task: &'a Task, plan: &Plan, memories: Memories<'a>, first_rays: Option<Vec<Ray>>) -> Self {
         let frame = &task.frame;
         let features = Features::of(frame);
         let mirrored = frame.illumination.eye.map(|component| features.specular && component < 0);

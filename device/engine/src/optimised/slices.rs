@@ -72,11 +72,7 @@ pub fn slices(frame: &FrameDescription, plan: &Plan) -> Vec<Slice> {
     let slices = plan.slices.iter().map(|slice| Slice {
         below: slice.voxel_slice() as i32,
         weight: slice.weight_z() as i16,
-        x: if mirrored {
-            Axis::new(&Axis::mirrored(&slice.x, voxels, rays))
-        } else {
-            Axis::new(&slice.x)
-        },
+        x: if mirrored { Axis::new(&Axis::mirrored(&slice.x, voxels, rays)) } else { Axis::new(&slice.x) },
         y: Axis::new(&slice.y),
     });
     slices.collect()

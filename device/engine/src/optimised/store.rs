@@ -1,6 +1,6 @@
 //! From accumulators to the base plane.
 
-use super::accumulators::{ALPHA, Accumulators, EXTREME, no_extreme};
+use super::accumulators::{Accumulators, no_extreme};
 use super::prepared::Prepared;
 use super::tile::cover;
 use crate::fixed::narrow;
@@ -14,10 +14,10 @@ use vg500_regs::{BlendMode, Fault, FaultCode, PlaneFormat, table};
 /// Loads what the rays of a tile begin with.
 pub fn begin(prepared: &Prepared<'_>, rows: &Range<u32>, accumulators: &mut Accumulators) {
     let blend = prepared.frame.output.blend;
-    accumulators.clear(blend, rows.len());
+    accumulators.clear(prepared.features.layout(), blend, rows.len());
     for (place, row) in rows.clone().enumerate() {
-        if let Some(rays) = first_rays(prepared, row) {
-            accumulators.load(blend, place, &rays);
+        for (column, ray) in first_rays(prepared, row).iter().flatten().enumerate() {
+            accumulators.set(place, column, ray);
         }
     }
 }
@@ -68,33 +68,22 @@ fn first_rays(prepared: &Prepared<'_>, row: u32) -> Option<Vec<Ray>> {
 
 /// A row of front-to-back rays as bytes R, G, B, A.
 #[inline(always)]
-fn narrowed(
-    prepared: &Prepared<'_>,
-    accumulators: &Accumulators,
-    place: usize,
-    bytes: &mut Vec<u8>,
-) {
+fn narrowed(prepared: &Prepared<'_>, accumulators: &Accumulators, place: usize, bytes: &mut Vec<u8>) {
     let width = prepared.frame.rays.size[0] as usize;
     bytes.resize(4 * width, 0);
     let pixels = bytes.as_chunks_mut::<4>().0;
-    for channel in 0..=ALPHA {
-        let words = &accumulators.channel(place, channel)[..width];
-        for (pixel, word) in pixels.iter_mut().zip(words) {
-            pixel[channel] = narrow(*word);
+    accumulators.colors(place, width, |column, color| {
+        if let Some(pixel) = pixels.get_mut(column) {
+            *pixel = color.map(narrow);
         }
-    }
+    });
     if prepared.mirrored_columns() {
         pixels.reverse();
     }
 }
 
 /// The rays of a row as they are at the end of the volume.
-fn rays(
-    prepared: &Prepared<'_>,
-    accumulators: &Accumulators,
-    place: usize,
-    row: u32,
-) -> Vec<Ray> {
+fn rays(prepared: &Prepared<'_>, accumulators: &Accumulators, place: usize, row: u32) -> Vec<Ray> {
     let blend = prepared.frame.output.blend;
     let width = prepared.frame.rays.size[0] as usize;
     let first = first_rays(prepared, row).unwrap_or_else(|| vec![Ray::default(); width]);
@@ -108,7 +97,7 @@ fn rays(
             let ray = accumulators.ray(blend, place, column);
             return Ray { extreme: first.extreme, valid: first.valid, ..ray };
         }
-        let extreme = accumulators.channel(place, EXTREME)[column];
+        let extreme = accumulators.extremes(place)[column];
         let unchanged = if first.valid { first.extreme } else { no_extreme(blend).cast_unsigned() };
         match extreme == unchanged {
             true => first,

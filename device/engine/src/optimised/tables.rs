@@ -39,13 +39,7 @@ impl Classification {
     pub fn ray(&self, value: u16) -> Ray {
         let entry = self.0[usize::from(value & FULL)];
         let channel = |shift| (entry >> shift) as u32 & 0xffff;
-        Ray {
-            color: [0, 16, 32].map(channel),
-            alpha: channel(48),
-            extreme: value,
-            valid: true,
-            samples: 0,
-        }
+        Ray { color: [0, 16, 32].map(channel), alpha: channel(48), extreme: value, valid: true, samples: 0 }
     }
 }
 

@@ -71,8 +71,8 @@ pub fn march<S: Simd, Z: Specialisation>(
     let tile = Tile { prepared, rows, margin: i32::from(features.gradient()) };
     scratch.staging.begin(&prepared.volume, tile.staged_rows());
     let shader = Shader::new(simd, specialisation, prepared);
-    let extremes_only = !features.gradient()
-        && matches!(features.blend, BlendMode::Maximum | BlendMode::Minimum);
+    let extremes_only =
+        !features.gradient() && matches!(features.blend, BlendMode::Maximum | BlendMode::Minimum);
     for slice in &prepared.slices {
         let rays = tile.rays(slice);
         if rays.is_empty() || slice.x.rays.is_empty() {
@@ -220,7 +220,7 @@ impl Tile<'_> {
             let column = (voxel as i32 - slice.x.first) as usize;
             let mut ray = accumulators.ray(BlendMode::Alpha, ray_row, column);
             ray.blend(BlendMode::Alpha, 0, sample);
-            accumulators.set_alpha_ray(ray_row, column, &ray);
+            accumulators.set(ray_row, column, &ray);
         });
     }
 }

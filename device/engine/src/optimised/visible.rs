@@ -44,13 +44,7 @@ impl<'a> Visible<'a> {
 
     /// What can be seen of the samples of `slice` above the voxels `span` of the row at permuted y `voxel_y`.
     /// Factors of opacity go to `factors`, 0..=256, 0 outside of the span.
-    pub fn row(
-        &self,
-        slice: &Slice,
-        voxel_y: i32,
-        span: &Range<usize>,
-        factors: &mut Line,
-    ) -> Seen {
+    pub fn row(&self, slice: &Slice, voxel_y: i32, span: &Range<usize>, factors: &mut Line) -> Seen {
         let axis = self.frame.permutation.axes()[0].axis;
         let at = |voxel: usize| object_position(self.frame, slice, voxel, voxel_y);
         let position = at(span.start);
@@ -96,14 +90,7 @@ impl<'a> Visible<'a> {
     }
 
     /// Full factors where cropping leaves samples.
-    fn fill(
-        &self,
-        position: [i64; 3],
-        along: usize,
-        x: &Axis,
-        inside: Range<usize>,
-        words: &mut [u16],
-    ) {
+    fn fill(&self, position: [i64; 3], along: usize, x: &Axis, inside: Range<usize>, words: &mut [u16]) {
         let full = UNCUT as u16;
         let Some(crop) = &self.frame.visibility.crop else {
             words[inside].fill(full);
@@ -126,12 +113,7 @@ impl<'a> Visible<'a> {
 }
 
 /// Position in object space, 1/256 voxel, of the sample above permuted voxels x and y.
-pub fn object_position(
-    frame: &FrameDescription,
-    slice: &Slice,
-    voxel_x: usize,
-    voxel_y: i32,
-) -> [i64; 3] {
+pub fn object_position(frame: &FrameDescription, slice: &Slice, voxel_x: usize, voxel_y: i32) -> [i64; 3] {
     let z = i64::from(slice.below) * ONE_VOXEL + i64::from(slice.weight);
     let permuted = [slice.x.position(voxel_x as i32), slice.y.position(voxel_y), z];
     let last = frame.volume.size.map(|size| i64::from(size - 1) * ONE_VOXEL);
@@ -158,12 +140,7 @@ fn voxels_between(x: &Axis, first: i64, last: i64) -> Range<usize> {
 }
 
 /// Multiplies full factors by those of the cut plane.
-fn dim(
-    cut: &CutPlane,
-    inside: Range<usize>,
-    position: impl Fn(usize) -> [i64; 3],
-    words: &mut [u16],
-) {
+fn dim(cut: &CutPlane, inside: Range<usize>, position: impl Fn(usize) -> [i64; 3], words: &mut [u16]) {
     let factor = |voxel: usize| cut.factor(position(voxel)) as u16;
     let mut start = inside.start;
     // Within a stretch on one side of both faces' middle the factor is monotone; equal ends are equal throughout.

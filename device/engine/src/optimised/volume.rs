@@ -92,13 +92,7 @@ impl<'a> Volume<'a> {
 
     /// Brings rows of some slices of [`Self::slices_with`] into their lines.
     #[inline(always)]
-    pub fn load<S: Simd>(
-        &self,
-        simd: S,
-        rows: Range<usize>,
-        slices: Range<usize>,
-        lines: &mut Lines<'_>,
-    ) {
+    pub fn load<S: Simd>(&self, simd: S, rows: Range<usize>, slices: Range<usize>, lines: &mut Lines<'_>) {
         match self.contiguous {
             0 => {
                 for z in slices.clone() {
@@ -122,19 +116,30 @@ impl<'a> Volume<'a> {
     fn load_row<S: Simd>(&self, simd: S, y: usize, z: usize, line: &mut Line) {
         let bytes = self.format.bytes();
         let start = self.offset([0, y, z]);
-        let mut copy = [0; 2 * VOLUME_SIZE as usize];
         let length = self.size[0].next_multiple_of(MOST_LANES) * bytes;
-        let from = match self.place(start, length) {
-            Some(place) => place,
-            None => {
-                // The padding of the last row may lie past the end of the memory; the row itself does not.
-                let row = &mut copy[..self.size[0] * bytes];
-                let _inside = self.memory.read(start.cast_unsigned(), row);
-                copy.as_ptr()
-            }
-        };
+        match self.place(start, length) {
+            Some(place) => self.load_from(simd, place, line),
+            None => self.load_last_row(simd, start, line),
+        }
+    }
+
+    /// Reads a row with padding whose end may lie past the end of the memory.
+    #[cold]
+    #[inline(never)]
+    fn load_last_row<S: Simd>(&self, simd: S, start: isize, line: &mut Line) {
+        let mut copy = [0; 2 * VOLUME_SIZE as usize];
+        // The row itself lies inside of the memory.
+        let _inside =
+            self.memory.read(start.cast_unsigned(), &mut copy[..self.size[0] * self.format.bytes()]);
+        self.load_from(simd, copy.as_ptr(), line);
+    }
+
+    /// Reads a row, rounded up to whole vectors.
+    #[inline(always)]
+    fn load_from<S: Simd>(&self, simd: S, from: *const u8, line: &mut Line) {
+        let bytes = self.format.bytes();
         for block in Line::blocks(0..self.size[0], S::LANES) {
-            // SAFETY: blocks end at the row's length rounded up to whole vectors at the latest.
+            // SAFETY: the caller has checked the row's length rounded up to the most lanes there are.
             let voxels = unsafe { simd.load_voxels(self.format, from.add(block.start() * bytes)) };
             simd.prefetch(from.wrapping_add(block.start() * bytes).wrapping_offset(self.strides[2]));
             line.store(simd, block, voxels);

@@ -177,8 +177,7 @@ fn random_visibility(chance: &mut Chance, scene: &mut Scene) {
             position: [0, 1, 2].map(|axis| (place(chance, axis) << 8) + below(chance, 256) as i32),
             color: [[255, 0, 30, 200], [0, 255, 0, 255], [9, 0, 255, 0]],
         });
-        scene.cursor_only =
-            scene.accumulators.is_some() && scene.blend != MODES[0] && one_in(chance, 3);
+        scene.cursor_only = scene.accumulators.is_some() && scene.blend != MODES[0] && one_in(chance, 3);
     }
 }
 

@@ -14,13 +14,7 @@ pub fn product<S: Simd>(simd: S, a: S::Words, b: S::Words) -> S::Words {
 
 /// C += (1 - A) a c, A += (1 - A) a; `color` is already multiplied by the opacity.
 #[inline(always)]
-pub fn alpha<S: Simd>(
-    simd: S,
-    rays: &mut Row<'_>,
-    block: Block,
-    color: [S::Words; 3],
-    opacity: S::Words,
-) {
+pub fn alpha<S: Simd>(simd: S, rays: &mut Row<'_>, block: Block, color: [S::Words; 3], opacity: S::Words) {
     let accumulated = rays.load(simd, ALPHA, block);
     let transparency = simd.shift_left::<3>(simd.subtract(simd.splat(FULL as i16), accumulated));
     for (channel, color) in color.into_iter().enumerate() {
@@ -34,13 +28,7 @@ pub fn alpha<S: Simd>(
 
 /// Where values beat the extremes.
 #[inline(always)]
-pub fn beats<S: Simd>(
-    simd: S,
-    blend: BlendMode,
-    rays: &Row<'_>,
-    block: Block,
-    values: S::Words,
-) -> S::Mask {
+pub fn beats<S: Simd>(simd: S, blend: BlendMode, rays: &Row<'_>, block: Block, values: S::Words) -> S::Mask {
     let extreme = rays.load(simd, EXTREME, block);
     match blend {
         BlendMode::Minimum => simd.greater(extreme, values),
@@ -68,13 +56,7 @@ pub fn replace<S: Simd>(
 
 /// Keeps the extremes alone; what they look like is looked up when the rays are complete.
 #[inline(always)]
-pub fn extreme<S: Simd>(
-    simd: S,
-    blend: BlendMode,
-    rays: &mut Row<'_>,
-    block: Block,
-    values: S::Words,
-) {
+pub fn extreme<S: Simd>(simd: S, blend: BlendMode, rays: &mut Row<'_>, block: Block, values: S::Words) {
     let extreme = rays.load(simd, EXTREME, block);
     let kept = match blend {
         BlendMode::Minimum => simd.min(extreme, values),

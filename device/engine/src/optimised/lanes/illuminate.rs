@@ -73,8 +73,7 @@ impl<S: Simd> Material<S> {
             return each!([r, g, b], |channel| simd.min(channel, most));
         }
         let modulate = features.magnitude && self.modulate[2];
-        let specular =
-            coefficient(simd, light.specular, modulate.then_some(light.modulation), self.specular);
+        let specular = coefficient(simd, light.specular, modulate.then_some(light.modulation), self.specular);
         each!([0, 1, 2], |channel| {
             let highlight = simd.multiply_round(self.specular_color[channel], specular);
             simd.min(simd.add(body[channel], highlight), most)

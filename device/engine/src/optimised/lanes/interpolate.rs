@@ -89,12 +89,7 @@ fn difference<S: Simd>(simd: S, before: &Line, behind: &Line, block: Block) -> S
 
 /// Interpolates a block of a line along x.
 #[inline(always)]
-pub fn along_x<S: Simd>(
-    simd: S,
-    line: &Line,
-    block: Block,
-    x_weight: S::Words,
-) -> S::Words {
+pub fn along_x<S: Simd>(simd: S, line: &Line, block: Block, x_weight: S::Words) -> S::Words {
     simd.lerp(line.load(simd, block), line.load_behind(simd, block), x_weight)
 }
 
@@ -106,13 +101,7 @@ pub fn unguard<S: Simd>(simd: S, value: S::Words) -> S::Words {
 
 /// Interpolates a whole line along x into samples, with one on each side for gradients.
 #[inline(always)]
-pub fn samples<S: Simd>(
-    simd: S,
-    line: &Line,
-    x_weight: i16,
-    voxels: usize,
-    samples: &mut Line,
-) {
+pub fn samples<S: Simd>(simd: S, line: &Line, x_weight: i16, voxels: usize, samples: &mut Line) {
     let x = weight(simd, x_weight);
     if x_weight == 0 {
         for block in simd.blocks(0..voxels) {

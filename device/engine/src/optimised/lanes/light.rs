@@ -50,13 +50,7 @@ impl<S: Simd> Face<S> {
 
     /// Looks a map up at the point of the face whose coordinates have these absolute values (0..=112) and signs.
     #[inline(always)]
-    fn look_up(
-        &self,
-        simd: S,
-        map: &S::Map,
-        absolute: [S::Words; 2],
-        signs: [S::Words; 2],
-    ) -> S::Words {
+    fn look_up(&self, simd: S, map: &S::Map, absolute: [S::Words; 2], signs: [S::Words; 2]) -> S::Words {
         let half = simd.splat(HALF_FACE as i16);
         let [u, v] = each!([0, 1], |side| simd.add(half, simd.with_sign(absolute[side], signs[side])));
         // SAFETY: faces are 0..=5; 112 and a value of up to 112 of either sign are 0..=224.

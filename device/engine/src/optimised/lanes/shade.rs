@@ -5,7 +5,7 @@ use super::illuminate::{Light, Material};
 use super::interpolate::{along_x, unguard, weight};
 use super::light::Stretched;
 use super::{composite, composite::product};
-use crate::optimised::accumulators::{Accumulators, Row, SumRow, no_extreme};
+use crate::optimised::accumulators::{Accumulators, RayRow, Row, SumRow, no_extreme};
 use crate::optimised::features::{Features, Specialisation};
 use crate::optimised::line::{Block, Line};
 use crate::optimised::prepared::Prepared;
@@ -74,6 +74,9 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
         first: i32,
     ) {
         match self.features().blend {
+            BlendMode::Alpha if self.features().premultiplied => {
+                self.blend_premultiplied(row, span, &mut accumulators.ray_row(ray_row, first));
+            }
             BlendMode::Alpha => self.blend_alpha(row, span, &mut accumulators.row(ray_row, first)),
             BlendMode::Sum => self.add_up(row, span, &mut accumulators.sum_row(ray_row, first)),
             BlendMode::Maximum | BlendMode::Minimum => {
@@ -85,6 +88,19 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
     #[inline(always)]
     fn features(&self) -> Features {
         self.specialisation.features(self.features)
+    }
+
+    /// Front-to-back blending of a row of samples that are looked up and blended as they are.
+    #[inline(always)]
+    fn blend_premultiplied(&self, row: &SampleRow<'_>, span: &Range<usize>, rays: &mut RayRow<'_>) {
+        let simd = self.simd;
+        let sampling = Sampling::new(simd, row, span, false);
+        for block in simd.blocks(span.clone()) {
+            let values = sampling.values(simd, block);
+            let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
+            // SAFETY: samples are within their voxels, of 12 bits, or TRANSPARENT.
+            unsafe { rays.blend(simd, block, self.table, seen) };
+        }
     }
 
     /// Front-to-back blending of a row.
@@ -101,12 +117,7 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
             if !simd.any(simd.greater(alpha, simd.splat(0))) {
                 continue;
             }
-            if features.premultiplied {
-                composite::alpha(simd, rays, block, [r, g, b], alpha);
-                continue;
-            }
-            let (color, mut alpha) =
-                self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
+            let (color, mut alpha) = self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
             if features.cut {
                 // (alpha factor + 128) >> 8
                 let factor = simd.shift_left::<4>(sampling.factors(simd, block));
@@ -135,8 +146,7 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
                 composite::sum(simd, rays, block, [r, g, b], alpha, visible);
                 continue;
             }
-            let (color, alpha) =
-                self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
+            let (color, alpha) = self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
             let [r, g, b] = color;
             let color = each!([r, g, b], |channel| product(simd, channel, alpha));
             composite::sum(simd, rays, block, color, alpha, visible);
@@ -157,8 +167,7 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
             if simd.any(beats) {
                 // SAFETY: as in `blend_alpha`.
                 let [r, g, b, alpha] = unsafe { simd.classify(self.table, values) };
-                let (color, alpha) =
-                    self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
+                let (color, alpha) = self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
                 composite::replace(simd, rays, block, beats, color, alpha, values);
             }
         }
@@ -179,16 +188,14 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
             return (color, alpha);
         }
         let simd = self.simd;
-        let gradient =
-            self.orientation.gradient(simd, row.samples, row.differences, x_weight, block);
+        let gradient = self.orientation.gradient(simd, row.samples, row.differences, x_weight, block);
         let nothing = simd.splat(0);
         let mut light = Light { diffuse: nothing, specular: nothing, modulation: nothing };
         if features.magnitude {
             // SAFETY: magnitudes are at most 220.
             light.modulation = unsafe { simd.factor(&self.factors, magnitude(simd, gradient)) };
         }
-        let alpha =
-            if features.magnitude { self.material.opacity(simd, alpha, &light) } else { alpha };
+        let alpha = if features.magnitude { self.material.opacity(simd, alpha, &light) } else { alpha };
         if !features.light() {
             return (color, alpha);
         }
@@ -270,8 +277,37 @@ pub fn keep_values<S: Simd>(
     span: &Range<usize>,
     rays: &mut Row<'_>,
 ) {
+    match (blend, row.x_weight) {
+        (BlendMode::Minimum, 0) => keep_values_of::<S, true, false>(simd, row, span, rays),
+        (BlendMode::Minimum, _) => keep_values_of::<S, true, true>(simd, row, span, rays),
+        (_, 0) => keep_values_of::<S, false, false>(simd, row, span, rays),
+        _ => keep_values_of::<S, false, true>(simd, row, span, rays),
+    }
+}
+
+#[inline(always)]
+fn keep_values_of<S: Simd, const LEAST: bool, const LERP: bool>(
+    simd: S,
+    row: &SampleRow<'_>,
+    span: &Range<usize>,
+    rays: &mut Row<'_>,
+) {
+    let blend = if LEAST { BlendMode::Minimum } else { BlendMode::Maximum };
+    let x_weight = weight(simd, row.x_weight);
     let sampling = Sampling::new(simd, row, span, false);
-    for block in simd.blocks(span.clone()) {
+    let whole = span.start.next_multiple_of(S::LANES)..span.end / S::LANES * S::LANES;
+    let mut inner = simd.blocks(0..0);
+    if row.factors.is_none() && !whole.is_empty() {
+        inner = simd.blocks(whole.clone());
+    }
+    for block in inner.clone() {
+        let line = row.line.load(simd, block);
+        let value = if LERP { simd.lerp(line, row.line.load_behind(simd, block), x_weight) } else { line };
+        composite::extreme(simd, blend, rays, block, unguard(simd, value));
+    }
+    // What is left: the ends, or all if factors say what is seen.
+    let seen_whole = |block: Block| inner.len() > 0 && whole.contains(&block.start());
+    for block in simd.blocks(span.clone()).filter(|block| !seen_whole(*block)) {
         let values = sampling.values(simd, block);
         let seen = sampling.seen(simd, block, values, no_extreme(blend));
         composite::extreme(simd, blend, rays, block, seen);

@@ -1,6 +1,7 @@
 //! 16 lanes with AVX2. There are no byte permutations over whole tables, so tables are looked up word by word.
 
 use super::{Simd, Work, each, opaque};
+use crate::fixed::FULL;
 use crate::optimised::tables::{Classification, ReflectanceMap};
 use core::arch::x86_64::*;
 use vg500_regs::VoxelFormat;
@@ -247,10 +248,8 @@ impl Simd for Avx2 {
     fn reciprocal_seed(self, a: __m256i) -> __m256i {
         // With middle = 128 odd: 2^27 / middle = 2^20 / odd. Its sum with 1/2 is off by less than 2^-8, and a
         // floor that is not meant is at least 1 / (2 * 147) away; the tests look at all of them.
-        let odd = avx2!(_mm256_or_si256(
-            _mm256_slli_epi16::<1>(_mm256_srli_epi16::<8>(a)),
-            _mm256_set1_epi16(1)
-        ));
+        let odd =
+            avx2!(_mm256_or_si256(_mm256_slli_epi16::<1>(_mm256_srli_epi16::<8>(a)), _mm256_set1_epi16(1)));
         by_floats!(odd, |odd| {
             let quotient = _mm256_div_ps(_mm256_set1_ps(1_048_576.0), odd);
             _mm256_cvttps_epi32(_mm256_add_ps(quotient, _mm256_set1_ps(0.5)))
@@ -273,8 +272,7 @@ impl Simd for Avx2 {
             let [even, odd] = [_mm256_unpacklo_epi16(a, b), _mm256_unpackhi_epi16(a, b)];
             let [rg, ba] = [_mm256_unpacklo_epi16(even, odd), _mm256_unpackhi_epi16(even, odd)];
             let [even, odd] = [_mm256_unpacklo_epi16(c, d), _mm256_unpackhi_epi16(c, d)];
-            let [rg_behind, ba_behind] =
-                [_mm256_unpacklo_epi16(even, odd), _mm256_unpackhi_epi16(even, odd)];
+            let [rg_behind, ba_behind] = [_mm256_unpacklo_epi16(even, odd), _mm256_unpackhi_epi16(even, odd)];
             [
                 _mm256_unpacklo_epi64(rg, rg_behind),
                 _mm256_unpackhi_epi64(rg, rg_behind),
@@ -284,12 +282,35 @@ impl Simd for Avx2 {
         }
     }
 
+    #[inline(always)]
+    unsafe fn blend_entries(self, table: &Classification, values: __m256i, rays: *mut u16) {
+        let table = table.entries();
+        let [a, b, c, d] = quarters(values);
+        let full = self.splat(FULL as i16);
+        for (quarter, indices) in [a, b, c, d].into_iter().enumerate() {
+            // SAFETY: the caller's promise.
+            unsafe {
+                let samples = join(two_entries(table, indices), two_entries(table, indices >> 32));
+                let place = rays.add(16 * quarter).cast();
+                let accumulated = _mm256_loadu_si256(place);
+                let alpha = _mm256_shuffle_epi8(accumulated, _mm256_broadcastsi128_si256(alpha_of_two()));
+                let transparency = _mm256_slli_epi16::<3>(_mm256_sub_epi16(full, alpha));
+                let more = _mm256_mulhrs_epi16(samples, transparency);
+                _mm256_storeu_si256(place, _mm256_add_epi16(accumulated, more));
+            }
+        }
+    }
+
     fn map(self, map: &ReflectanceMap) -> Cells {
         let mut cells = [[0; 4]; 6 * 64];
         for (index, cell) in cells.iter_mut().enumerate() {
             let [face, v, u] = [index / 64, index / 8 % 8, index % 8];
-            *cell =
-                [map.at(face, v, u), map.at(face, v, u + 1), map.at(face, v + 1, u), map.at(face, v + 1, u + 1)];
+            *cell = [
+                map.at(face, v, u),
+                map.at(face, v, u + 1),
+                map.at(face, v + 1, u),
+                map.at(face, v + 1, u + 1),
+            ];
         }
         Cells(cells)
     }
@@ -307,10 +328,7 @@ impl Simd for Avx2 {
         let [u, v] = [self.and(u, within), self.and(v, within)];
         avx2!({
             // Bytes 32 - u and u, for both vertices of a row at once.
-            let u = _mm256_add_epi16(
-                _mm256_set1_epi16(32),
-                _mm256_sub_epi16(_mm256_slli_epi16::<8>(u), u),
-            );
+            let u = _mm256_add_epi16(_mm256_set1_epi16(32), _mm256_sub_epi16(_mm256_slli_epi16::<8>(u), u));
             let rows = [
                 _mm256_maddubs_epi16(first, _mm256_unpacklo_epi16(u, u)),
                 _mm256_maddubs_epi16(second, _mm256_unpackhi_epi16(u, u)),
@@ -346,12 +364,7 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    unsafe fn load_transposed(
-        self,
-        format: VoxelFormat,
-        from: *const u8,
-        pitch: isize,
-    ) -> [[u16; 16]; 16] {
+    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 16] {
         let mut rows = [self.splat(0); 16];
         for (row, words) in rows.iter_mut().enumerate() {
             // SAFETY: the caller's promise.
@@ -378,6 +391,12 @@ fn quarters(words: __m256i) -> [u64; 4] {
     ])
 }
 
+/// Where, in two rays of R, G, B and opacity, the bytes of each one's opacity lie, for all of its channels.
+#[inline(always)]
+pub(super) fn alpha_of_two() -> __m128i {
+    avx2!(_mm_setr_epi8(6, 7, 6, 7, 6, 7, 6, 7, 14, 15, 14, 15, 14, 15, 14, 15))
+}
+
 /// A vector of two halves.
 #[inline(always)]
 pub(super) fn join(low: __m128i, high: __m128i) -> __m256i {
@@ -393,7 +412,8 @@ pub(super) fn join(low: __m128i, high: __m128i) -> __m256i {
 pub(super) unsafe fn two_entries(table: *const u64, indices: u64) -> __m128i {
     // SAFETY: the caller's promise.
     unsafe {
-        let [first, second] = [table.add(indices as usize & 0xffff), table.add((indices >> 16) as usize & 0xffff)];
+        let [first, second] =
+            [table.add(indices as usize & 0xffff), table.add((indices >> 16) as usize & 0xffff)];
         let first = _mm_castsi128_pd(_mm_loadl_epi64(first.cast()));
         _mm_castpd_si128(_mm_loadh_pd(first, second.cast()))
     }

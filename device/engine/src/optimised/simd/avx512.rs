@@ -1,7 +1,8 @@
 //! 32 lanes with AVX-512. Permutations of bytes look whole tables up in registers.
 
-use super::avx2::{Avx2, join, two_entries};
+use super::avx2::{Avx2, alpha_of_two, join, two_entries};
 use super::{Simd, Work, each, opaque};
+use crate::fixed::FULL;
 use crate::optimised::reciprocal::{GRADIENT, SEED};
 use crate::optimised::tables::{Classification, ReflectanceMap};
 use core::arch::x86_64::*;
@@ -106,6 +107,23 @@ unsafe fn four_pairs(table: *const u64, indices: [u64; 4]) -> __m512i {
     }
 }
 
+/// The lanes of a vector, four to a word, two words for each quarter.
+#[inline(always)]
+fn quarters(words: __m512i) -> [[u64; 2]; 4] {
+    avx512!({
+        let quarters = [
+            _mm512_castsi512_si128(words),
+            _mm512_extracti64x2_epi64::<1>(words),
+            _mm512_extracti64x2_epi64::<2>(words),
+            _mm512_extracti64x2_epi64::<3>(words),
+        ];
+        each!([0, 1, 2, 3], |at| [
+            opaque(_mm_cvtsi128_si64(quarters[at])),
+            opaque(_mm_extract_epi64::<1>(quarters[at])),
+        ])
+    })
+}
+
 /// Words of a table of 64, by the lower six bits of each lane.
 #[inline(always)]
 fn words_at(table: &Words, index: __m512i) -> __m512i {
@@ -170,8 +188,8 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn count(self) -> __m512i {
         avx512!(_mm512_cvtepi8_epi16(_mm256_setr_epi8(
-            0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28,
-            29, 30, 31
+            0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26,
+            27, 28, 29, 30, 31
         )))
     }
 
@@ -332,9 +350,9 @@ impl Simd for Avx512 {
         avx512!({
             let zero = _mm512_setzero_si512();
             let halves = [_mm512_unpacklo_epi16(a, zero), _mm512_unpackhi_epi16(a, zero)];
-            let [low, high] = each!([halves[0], halves[1]], |half| _mm512_cvtps_epi32(
-                _mm512_sqrt_ps(_mm512_cvtepi32_ps(half))
-            ));
+            let [low, high] = each!([halves[0], halves[1]], |half| _mm512_cvtps_epi32(_mm512_sqrt_ps(
+                _mm512_cvtepi32_ps(half)
+            )));
             _mm512_packus_epi32(low, high)
         })
     }
@@ -353,17 +371,12 @@ impl Simd for Avx512 {
     #[inline(always)]
     unsafe fn classify(self, table: &Classification, values: __m512i) -> [__m512i; 4] {
         let table = table.entries();
-        let quarters = avx512!([
-            _mm512_castsi512_si128(values),
-            _mm512_extracti64x2_epi64::<1>(values),
-            _mm512_extracti64x2_epi64::<2>(values),
-            _mm512_extracti64x2_epi64::<3>(values),
-        ]);
+        let quarters = quarters(values);
         // Samples 2 i and 2 i + 1 in the first quarter, those 8, 16 and 24 behind them in the others.
         // SAFETY: the caller promises that no value lies behind the table's last entry.
         unsafe {
-            let low = each!([0, 1, 2, 3], |at| opaque(_mm_cvtsi128_si64(quarters[at])));
-            let high = each!([0, 1, 2, 3], |at| opaque(_mm_extract_epi64::<1>(quarters[at])));
+            let low = each!([0, 1, 2, 3], |at| quarters[at][0]);
+            let high = each!([0, 1, 2, 3], |at| quarters[at][1]);
             let [a, b, c, d] = [
                 four_pairs(table, low),
                 four_pairs(table, each!([0, 1, 2, 3], |at| low[at] >> 32)),
@@ -373,14 +386,34 @@ impl Simd for Avx512 {
             let [even, odd] = [_mm512_unpacklo_epi16(a, b), _mm512_unpackhi_epi16(a, b)];
             let [rg, ba] = [_mm512_unpacklo_epi16(even, odd), _mm512_unpackhi_epi16(even, odd)];
             let [even, odd] = [_mm512_unpacklo_epi16(c, d), _mm512_unpackhi_epi16(c, d)];
-            let [rg_behind, ba_behind] =
-                [_mm512_unpacklo_epi16(even, odd), _mm512_unpackhi_epi16(even, odd)];
+            let [rg_behind, ba_behind] = [_mm512_unpacklo_epi16(even, odd), _mm512_unpackhi_epi16(even, odd)];
             [
                 _mm512_unpacklo_epi64(rg, rg_behind),
                 _mm512_unpackhi_epi64(rg, rg_behind),
                 _mm512_unpacklo_epi64(ba, ba_behind),
                 _mm512_unpackhi_epi64(ba, ba_behind),
             ]
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn blend_entries(self, table: &Classification, values: __m512i, rays: *mut u16) {
+        let table = table.entries();
+        let [a, b, c, d] = quarters(values);
+        let full = self.splat(FULL as i16);
+        for (quarter, [low, high]) in [a, b, c, d].into_iter().enumerate() {
+            // SAFETY: the caller's promise.
+            unsafe {
+                let first = join(two_entries(table, low), two_entries(table, low >> 32));
+                let second = join(two_entries(table, high), two_entries(table, high >> 32));
+                let samples = _mm512_inserti64x4::<1>(_mm512_castsi256_si512(first), second);
+                let place = rays.add(32 * quarter).cast::<__m512i>();
+                let accumulated = _mm512_loadu_si512(place);
+                let alpha = _mm512_shuffle_epi8(accumulated, _mm512_broadcast_i32x4(alpha_of_two()));
+                let transparency = _mm512_slli_epi16::<3>(_mm512_sub_epi16(full, alpha));
+                let more = _mm512_mulhrs_epi16(samples, transparency);
+                _mm512_storeu_si512(place, _mm512_add_epi16(accumulated, more));
+            }
         }
     }
 
@@ -423,12 +456,7 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn load_transposed(
-        self,
-        format: VoxelFormat,
-        from: *const u8,
-        pitch: isize,
-    ) -> [[u16; 16]; 16] {
+    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 16] {
         // SAFETY: the caller's promise.
         unsafe { self.0.load_transposed(format, from, pitch) }
     }

@@ -1,5 +1,7 @@
 //! Which instructions the kernels use.
 
+#[cfg(target_arch = "x86_64")]
+use super::pair::Pair;
 use super::{Portable, Simd, Work};
 use core::fmt::{Display, Formatter};
 
@@ -46,10 +48,8 @@ impl Level {
     /// The levels of the processor, the best one first.
     pub fn all() -> impl Iterator<Item = Self> {
         #[cfg(target_arch = "x86_64")]
-        let vectors = [
-            super::avx512::Avx512::detect().map(Self::Avx512),
-            super::avx2::Avx2::detect().map(Self::Avx2),
-        ];
+        let vectors =
+            [super::avx512::Avx512::detect().map(Self::Avx512), super::avx2::Avx2::detect().map(Self::Avx2)];
         #[cfg(not(target_arch = "x86_64"))]
         let vectors = [None, None];
         vectors.into_iter().flatten().chain([Self::Portable(Portable)])
@@ -95,9 +95,9 @@ impl Level {
         match self {
             Self::Portable(simd) => simd.run(work),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2(simd) => simd.run(work),
+            Self::Avx2(simd) => Pair(simd).run(work),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512(simd) => simd.run(work),
+            Self::Avx512(simd) => Pair(simd).run(work),
         }
     }
 }

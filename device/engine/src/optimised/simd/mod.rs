@@ -8,6 +8,7 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod level;
+mod pair;
 mod portable;
 #[cfg(test)]
 mod tests;
@@ -34,7 +35,7 @@ macro_rules! each {
 pub(crate) use each;
 
 /// The most lanes of any implementation; each divides it.
-pub const MOST_LANES: usize = 32;
+pub const MOST_LANES: usize = 64;
 
 /// Work that runs with the instructions of some level. Implementations of `run` are `#[inline(always)]`, so that
 /// the compiler makes them, and all that they call, of those instructions.
@@ -153,6 +154,15 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// No lane is greater than [`Classification::TRANSPARENT`].
     unsafe fn classify(self, table: &Classification, values: Self::Words) -> [Self::Words; 4];
 
+    /// Blends samples front to back into as many rays: R, G, B and opacity of a ray follow each other, and the
+    /// entries of the table are premultiplied. C += (1 - A) a c, A += (1 - A) a.
+    ///
+    /// # Safety
+    ///
+    /// No lane is greater than [`Classification::TRANSPARENT`]; four words for each lane can be read and written at
+    /// `rays`, and nobody else uses them meanwhile.
+    unsafe fn blend_entries(self, table: &Classification, values: Self::Words, rays: *mut u16);
+
     /// Prepares a map.
     fn map(self, map: &ReflectanceMap) -> Self::Map;
     /// Looks directions up: the face in 0..=5, and u and v on it in 0..=224, as
@@ -184,8 +194,7 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// # Safety
     ///
     /// As for [`Self::load_voxels`].
-    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize)
-    -> [[u16; 16]; 16];
+    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 16];
 }
 
 /// Reads and writes of lines and of accumulator rows, for any level.
@@ -199,7 +208,10 @@ pub trait SimdExt: Simd {
 
     /// All vectors of a line that cover the words `range`.
     #[inline(always)]
-    fn blocks(self, range: core::ops::Range<usize>) -> impl Iterator<Item = super::line::Block> {
+    fn blocks(
+        self,
+        range: core::ops::Range<usize>,
+    ) -> impl ExactSizeIterator<Item = super::line::Block> + Clone {
         Line::blocks(range, Self::LANES)
     }
 }

@@ -1,7 +1,7 @@
 //! 16 lanes in portable Rust.
 
 use super::{Simd, Work};
-use crate::fixed::unity;
+use crate::fixed::{FULL, product, unity};
 use crate::optimised::tables::{Classification, ReflectanceMap};
 use core::array::from_fn;
 use vg500_regs::VoxelFormat;
@@ -218,6 +218,20 @@ impl Simd for Portable {
         from_fn(|channel| from_fn(|lane| (entries[lane] >> (16 * channel)) as u16))
     }
 
+    #[inline(always)]
+    unsafe fn blend_entries(self, table: &Classification, values: Words, rays: *mut u16) {
+        for (lane, value) in values.into_iter().enumerate() {
+            // SAFETY: the caller's promise.
+            let (entry, ray) = unsafe {
+                (*table.entries().add(usize::from(value)), &mut *rays.add(4 * lane).cast::<[u16; 4]>())
+            };
+            let transparency = FULL - ray[3];
+            for (channel, accumulated) in ray.iter_mut().enumerate() {
+                *accumulated += product((entry >> (16 * channel)) as u16, transparency);
+            }
+        }
+    }
+
     fn map(self, map: &ReflectanceMap) -> ReflectanceMap {
         map.clone()
     }
@@ -244,12 +258,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    unsafe fn load_transposed(
-        self,
-        format: VoxelFormat,
-        from: *const u8,
-        pitch: isize,
-    ) -> [[u16; 16]; 16] {
+    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 16] {
         // SAFETY: the caller's promise.
         let rows: [Words; 16] =
             from_fn(|row| unsafe { self.load_voxels(format, from.offset(row.cast_signed() * pitch)) });
