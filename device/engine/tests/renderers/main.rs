@@ -16,6 +16,7 @@ mod error;
 mod frames;
 mod optimised;
 mod registers;
+mod sections;
 mod shading;
 mod shading_sphere;
 mod speed;
