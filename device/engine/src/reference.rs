@@ -67,6 +67,7 @@ fn render_section(
     cancel: &Cancel,
 ) -> Result<(), Fault> {
     let needs = task.frame.needs();
+    let blend = task.frame.output.blend;
     let width = task.frame.rays.size[0];
     let place = |[column, row]: [u32; 2]| (row * width + column) as usize;
     let margin = i64::from(needs.gradient);
@@ -82,7 +83,7 @@ fn render_section(
             .map_err(|_| Fault::new(FaultCode::Range, volume_base::OFFSET))?;
         if let Some(memory) = memory.filter(|_| section.continues) {
             memory.read(index, &mut carried)?;
-            section.entering(slice).for_each(|(ray, beam)| rays[place(ray)] = carried[beam].ray);
+            section.entering(slice).for_each(|(ray, beam)| rays[place(ray)].resume(blend, carried[beam].ray));
         }
         samples.interpolate(section, slice, &voxels, &carried, needs.gradient);
         for row in slice.y.rays.clone() {
@@ -99,7 +100,7 @@ fn render_section(
     }
     // From here on they are in section memory alone.
     for slice in &plan.slices {
-        section.leaving(slice).for_each(|(ray, _)| rays[place(ray)] = Ray::default());
+        section.leaving(slice).for_each(|(ray, _)| rays[place(ray)].resume(blend, Ray::default()));
     }
     Ok(())
 }
@@ -199,7 +200,11 @@ fn cover_with_cursor(frame: &FrameDescription, cursor: &Cursor, slice: &SampleSl
 }
 
 /// Rays as they begin: empty, or with the accumulators of an earlier frame.
-pub(crate) fn first_rays(frame: &FrameDescription, plan: &Plan, pixels: SharedView<'_>) -> Result<Vec<Ray>, Fault> {
+pub(crate) fn first_rays(
+    frame: &FrameDescription,
+    plan: &Plan,
+    pixels: SharedView<'_>,
+) -> Result<Vec<Ray>, Fault> {
     let [width, height] = frame.rays.size;
     let Some(plane) = frame.output.accumulators else {
         return Ok(vec![Ray::default(); (width * height) as usize]);
