@@ -154,3 +154,61 @@ impl<'a> SectionMemory<'a> {
         Fault::new(FaultCode::Range, output::SECTIONS)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn record() -> impl Strategy<Value = Record> {
+        let gradient = [-127..=127i32, -127..=127];
+        let values = (0..=GREATEST_VOXEL, -GREATEST_DIFFERENCE..=GREATEST_DIFFERENCE, gradient);
+        let samples = [0..=4095u16, 0..=4095];
+        let sums = [0..1u32 << 28, 0..1 << 28, 0..1 << 28, 0..1 << 28];
+        (values, samples, sums, 0..=4095u16, any::<bool>(), 0..=32768u32).prop_map(
+            |((voxel, difference, gradient), [sample, before], sums, extreme, valid, samples)| {
+                let [r, g, b, alpha] = sums;
+                let ray = Ray { color: [r, g, b], alpha, extreme, valid, samples };
+                Record { voxel, difference, sample, before, gradient, ray }
+            },
+        )
+    }
+
+    /// What a blend mode keeps of a ray.
+    fn kept(record: Record, blend: BlendMode) -> Record {
+        let ray = record.ray;
+        let twelve = |channel: u32| channel.min(4095);
+        let blended = Ray { color: ray.color.map(twelve), alpha: twelve(ray.alpha), ..Ray::default() };
+        let ray = match blend {
+            BlendMode::Alpha => blended,
+            BlendMode::Maximum | BlendMode::Minimum => {
+                Ray { extreme: ray.extreme, valid: ray.valid, ..blended }
+            }
+            BlendMode::Sum => Ray { extreme: 0, valid: false, ..ray },
+        };
+        Record { ray, ..record }
+    }
+
+    const MODES: [BlendMode; 4] = [BlendMode::Alpha, BlendMode::Maximum, BlendMode::Minimum, BlendMode::Sum];
+
+    proptest! {
+        #[test]
+        fn records_come_back(record in record()) {
+            for blend in MODES {
+                prop_assert_eq!(Record::unpack(&record.pack(blend), blend), kept(record, blend));
+            }
+        }
+
+        #[test]
+        fn any_words_are_values_that_the_pipeline_can_bear(words: Words) {
+            for blend in MODES {
+                let record = Record::unpack(&words, blend);
+                prop_assert!((0..=GREATEST_VOXEL).contains(&record.voxel));
+                prop_assert!(record.difference.abs() <= GREATEST_DIFFERENCE);
+                prop_assert!(record.gradient.iter().all(|component| component.abs() <= 127));
+                prop_assert!(record.sample <= 4095 && record.before <= 4095);
+                prop_assert_eq!(Record::unpack(&record.pack(blend), blend), record);
+            }
+        }
+    }
+}

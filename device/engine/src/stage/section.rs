@@ -133,3 +133,40 @@ fn finished_last(end: i64, slice: &SampleSlice) -> impl Iterator<Item = ([u32; 2
     let column = u32::try_from(before).ok().filter(|column| slice.x.rays.contains(column));
     column.into_iter().flat_map(|column| beams(slice).map(move |(row, beam)| ([column, row], beam)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sections_cover_the_volume_once() {
+        let of = |width| -> Vec<_> {
+            Section::of(width, true).map(|it| (it.voxels, it.continues, it.continued)).collect()
+        };
+        assert_eq!(of(1), [(0..1, false, false)]);
+        assert_eq!(of(32), [(0..32, false, false)]);
+        assert_eq!(of(33), [(0..32, false, true), (32..33, true, false)]);
+        assert_eq!(of(256).len(), 8);
+        let whole: Vec<_> = Section::of(256, false).collect();
+        assert_eq!(whole, [Section { voxels: 0..256, continues: false, continued: false }]);
+    }
+
+    /// Every ray with a sample is finished by one section, and the sections before and after it agree on who waits.
+    #[test]
+    fn columns_are_finished_once_and_in_order() {
+        for offset in [-40_000, -8192, -257, -256, -1, 0, 1, 255, 256, 700, 20_000] {
+            let axis = SliceAxis { offset, rays: 3..200 };
+            let sections: Vec<_> = Section::of(100, true).collect();
+            let finished: Vec<u32> = sections.iter().flat_map(|section| section.finished(&axis)).collect();
+            assert_eq!(finished, (3..200).collect::<Vec<_>>(), "{offset}");
+            for pair in sections.windows(2) {
+                let [last, before] = pair[1].carried(&axis).unwrap();
+                assert_eq!((pair[0].interpolated(&axis).end - 1, before), (last, last - 1), "{offset}");
+                assert_eq!(pair[1].interpolated(&axis).start, last + 1);
+                if let Some(column) = pair[0].finished(&axis).last().filter(|_| (4..199).contains(&before)) {
+                    assert_eq!(i64::from(column), before, "{offset}");
+                }
+            }
+        }
+    }
+}
