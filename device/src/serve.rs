@@ -119,13 +119,10 @@ impl Prepared {
 fn run(mut server: Server<Card>, clients: Clients) -> io::Result<()> {
     match clients {
         Clients::Listener(listener) => server.listen(&listener),
-        Clients::Stream(stream) => {
-            stream.set_nonblocking(true)?;
-            match server.serve(stream.into()) {
-                Ended::Failed(errno) => Err(errno.into()),
-                _ => Ok(()),
-            }
-        }
+        Clients::Stream(stream) => match server.serve(stream.into()) {
+            Ended::Failed(errno) => Err(errno.into()),
+            _ => Ok(()),
+        },
     }
 }
 

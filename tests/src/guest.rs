@@ -133,6 +133,12 @@ impl Guest {
         Ok(Self { process, folder, output, errors, begun: Instant::now() })
     }
 
+    /// What `run-guest` and QEMU have complained about so far.
+    #[must_use]
+    pub fn errors(&self) -> String {
+        self.errors.text()
+    }
+
     /// Waits until the guest has printed `text` so many times.
     ///
     /// # Errors

@@ -132,7 +132,7 @@ fn arguments_that_are_wrong() {
         (vec!["--architecture", "cube4"], "--architecture cube4 is not served yet"),
         (vec!["--simd", "avx512"], "--simd"),
         (vec!["--threads", "7"], "--threads"),
-        (vec!["--sections"], "--sections"),
+        (vec!["--renderer", "ideal", "--sections"], "--sections"),
         (vec!["--explain=time"], "--explain=time"),
         (vec!["--explain=foo"], "[possible values: time]"),
         (vec!["--device", "socket:"], "path"),

@@ -88,17 +88,22 @@ fn lspci_and_the_guest_programs_know_the_card() {
 }
 
 #[test]
-fn other_interrupts_work_as_well() {
-    if !available("other_interrupts_work_as_well").unwrap() {
+fn a_card_with_msi_interrupts_and_one_with_intx_is_polled() {
+    if !available("a_card_with_msi_interrupts_and_one_with_intx_is_polled").unwrap() {
         return;
     }
-    for kind in ["msi", "intx"] {
-        let option = format!("--interrupt={kind}");
-        let script = "volumepro-selftest --interrupts 100";
-        let output = Guest::run(&["--device-option", &option, "--exec", script]).unwrap().success();
-        let output = String::from_utf8(output.unwrap()).unwrap();
-        assert!(output.contains("PASS interrupts: "), "{kind}: {output}");
-    }
+    let [msi, intx] = ["msi", "intx"].map(|kind| Device::start(DEVICE, &["--interrupt", kind]).unwrap());
+    let [msi, intx] = [&msi, &intx].map(Device::socket);
+    let script = format!(
+        "set -- $CARDS; volumepro-selftest --device $1 --interrupts 100 >&2 || exit
+        volumepro render --device pci:$2 -o /tmp/out.png {} || exit; cat /tmp/out.png",
+        PHANTOM.join(" ")
+    );
+    let [msi, intx] = [&msi, &intx].map(|path| path.to_str().unwrap());
+    let ended = Guest::run(&["--socket", msi, "--socket", intx, "--exec", &script]).unwrap();
+    assert!(ended.status.success(), "{}", ended.errors);
+    assert!(ended.errors.contains("PASS interrupts: 100 frames, 100 interrupts"), "{}", ended.errors);
+    assert!(ended.output == embedded(&PHANTOM), "the pictures differ");
 }
 
 #[test]
@@ -235,7 +240,7 @@ fn guests_that_vanish_leave_the_device_nothing() {
     guest.kill_qemu().unwrap();
     let ended = guest.end().unwrap();
     assert_eq!(ended.status.code(), Some(1));
-    assert!(ended.errors.contains("run-guest: QEMU has ended with code 137"), "{}", ended.errors);
+    assert!(ended.errors.contains("QEMU has ended with code 137 before"), "{}", ended.errors);
     device.wait_for_end().unwrap();
     let rest = device.holdings_at_rest().unwrap();
 
@@ -280,19 +285,31 @@ fn a_device_that_dies_is_reported_in_the_guest() {
         return;
     }
     let device = Device::start(DEVICE, &[]).unwrap();
-    let script = format!("{LONG}; code=$?; echo ended with $code; exit $code");
-    let mut guest =
-        Guest::start(&["--socket", device.socket().to_str().unwrap(), "--exec", &script]).unwrap();
-    guest.wait_until(|_| frames(&device)[0] > 2).unwrap();
+    let script = format!("{LONG}; code=$?; echo ended; exit $code");
+    let socket = device.socket();
+    let mut guest = Guest::start(&["--socket", socket.to_str().unwrap(), "--exec", &script]).unwrap();
+    // QEMU 11.1.3 fails an assertion now and then if it waits for an answer when the device goes. In the midst of a
+    // frame it does not: the program waits for an interrupt.
+    guest
+        .wait_until(|_| {
+            let [before, after] = [0, 20].map(|pause| {
+                std::thread::sleep(Duration::from_millis(pause));
+                frames(&device)
+            });
+            before[0] > 2 && before[0] > before[1] && before == after
+        })
+        .unwrap();
     drop(device);
     let killed = Instant::now();
-    guest.wait_for("ended with", 1).unwrap();
-    let patience = killed.elapsed();
+    // The driver asks the card in vain...
+    guest.wait_until(|guest| guest.errors().contains("vfio_region_read")).unwrap();
+    assert!(killed.elapsed() < Duration::from_secs(20), "{:?}", killed.elapsed());
+    // ... and when it lets go of it, the guest's kernel waits 66 seconds for the card to come out of its reset.
+    guest.wait_for("ended", 1).unwrap();
+    assert!(killed.elapsed() < Duration::from_secs(100), "{:?}", killed.elapsed());
     let ended = guest.end().unwrap();
-    // The access in flight takes QEMU's five seconds; the driver's own patience with a frame is longer.
-    assert!(patience < Duration::from_secs(60), "{patience:?}");
     assert_eq!(ended.status.code(), Some(1), "{}", ended.errors);
-    assert!(ended.errors.contains("volumepro: "), "{}", ended.errors);
+    assert!(ended.errors.contains("volumepro: the card is dead"), "{}", ended.errors);
 
     let device = Device::start(DEVICE, &[]).unwrap();
     let socket = device.socket();

@@ -167,3 +167,30 @@ fn the_picture_of_the_readme_is_what_the_program_makes() {
         .map(|path| image::open(path).unwrap().into_rgb8());
     assert!(shipped == made, "vli/pictures/engine-block.png is not what `{command}` makes");
 }
+
+/// Sections are a way to work, not a picture.
+#[test]
+fn pictures_in_sections_are_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let render = |name: &str, more: &[&str]| {
+        let path = folder.path().join(name);
+        let common =
+            ["--phantom", "engine-block", "--phantom-size", "70", "--azimuth", "30", "--elevation", "-25"];
+        let mut all =
+            vec!["render", "-o", path.to_str().unwrap(), "--stats", "json", "--supersample", "1,1,2"];
+        all.extend(common);
+        all.extend(more);
+        let result = volumepro(VOLUMEPRO, &all).unwrap();
+        assert!(result.status.success(), "{}", String::from_utf8_lossy(&result.stderr));
+        let statistics: serde_json::Value = serde_json::from_slice(&result.stdout).unwrap();
+        (std::fs::read(path).unwrap(), statistics["modelled_cycles"].as_u64().unwrap())
+    };
+    // 96 x 96 x 96 voxels, twice. The sections of MIP, three of them, wait at one boundary for section memory.
+    let cycles = 96 * 96 * 96 * 2 / 4;
+    for (blend, waiting) in [("alpha", 0), ("mip", 96 * 96 * 2 * 2)] {
+        let (picture, whole) = render("whole.png", &["--blend", blend]);
+        let (found, in_sections) = render("sections.png", &["--blend", blend, "--sections"]);
+        assert!(picture == found, "{blend}");
+        assert_eq!((whole, in_sections), (cycles, cycles + waiting), "{blend}");
+    }
+}

@@ -3,36 +3,29 @@
 use crate::fixed::{ONE_VOXEL, round_shift, scale, unity};
 use crate::frame::{Cursor, FrameDescription, Needs};
 use crate::memory::pixel;
+use crate::memory::section::SectionMemory;
 use crate::memory::voxel::{PermutedVolume, VoxelSlices};
 use crate::plan::{Plan, SampleSlice};
 use crate::render::{Cancel, Memories, Task};
 use crate::stage::classify::{Classified, classify};
 use crate::stage::composite::Ray;
-use crate::stage::gradient::{from_difference, from_samples, to_object};
+use crate::stage::gradient::to_object;
 use crate::stage::illuminate::{Light, illuminate, light};
 use crate::stage::magnitude::magnitude;
 use crate::stage::sample::SampleGrid;
+use crate::stage::section::Section;
 use crate::stage::visibility::UNCUT;
 use vg500_regs::limit::SUM_SAMPLES;
 use vg500_regs::memory::plane_offset;
 use vg500_regs::table::*;
 use vg500_regs::{BlendMode, Fault, FaultCode, SharedView};
 
-/// A fault unless the renderer does what the frame asks for.
-pub fn serves(frame: &FrameDescription) -> Result<(), Fault> {
-    let asked = [(frame.output.sections, output::SECTIONS)];
-    match asked.iter().find(|(asked, _)| *asked) {
-        Some((_, field)) => Err(Fault::new(FaultCode::NotServed, *field)),
-        None => Ok(()),
-    }
-}
-
 /// Renders a frame into pixel memory; returns the checksum of its pixels.
 pub fn render(task: &Task, plan: &Plan, memories: Memories<'_>, cancel: &Cancel) -> Result<u32, Fault> {
     let frame = &task.frame;
     let mut rays = first_rays(frame, plan, memories.pixel)?;
     if !frame.output.cursor_only {
-        render_volume(task, plan, memories.voxel, &mut rays, cancel)?;
+        render_volume(task, plan, memories, &mut rays, cancel)?;
     }
     // In alpha blending the cursor's samples are blended with those of the volume.
     if let Some(cursor) = frame.visibility.cursor.filter(|_| frame.output.blend != BlendMode::Alpha) {
@@ -44,31 +37,70 @@ pub fn render(task: &Task, plan: &Plan, memories: Memories<'_>, cancel: &Cancel)
     store(frame, &rays, memories.pixel)
 }
 
-/// Front to back, slice by slice.
+/// Section by section, in each front to back, slice by slice.
 fn render_volume(
     task: &Task,
     plan: &Plan,
+    memories: Memories<'_>,
+    rays: &mut [Ray],
+    cancel: &Cancel,
+) -> Result<(), Fault> {
+    let frame = &task.frame;
+    let sections = frame.output.sections;
+    let memory = match sections {
+        true => Some(SectionMemory::new(frame, plan.slices.len(), memories.section)?),
+        false => None,
+    };
+    for section in Section::of(frame.permuted_size()[0], sections) {
+        render_section(task, plan, &section, memories.voxel, memory.as_ref(), rays, cancel)?;
+    }
+    Ok(())
+}
+
+fn render_section(
+    task: &Task,
+    plan: &Plan,
+    section: &Section,
     voxels: SharedView<'_>,
+    memory: Option<&SectionMemory<'_>>,
     rays: &mut [Ray],
     cancel: &Cancel,
 ) -> Result<(), Fault> {
     let needs = task.frame.needs();
+    let blend = task.frame.output.blend;
+    let width = task.frame.rays.size[0];
+    let place = |[column, row]: [u32; 2]| (row * width + column) as usize;
     let margin = i64::from(needs.gradient);
-    let mut voxels = VoxelSlices::new(PermutedVolume::new(&task.frame, voxels));
+    let volume = PermutedVolume::new(&task.frame, voxels);
+    let mut voxels = VoxelSlices::new(volume.section(section.voxels.clone()));
     let mut samples = SampleGrid::default();
-    for slice in &plan.slices {
+    let mut carried = Vec::new();
+    for (index, slice) in plan.slices.iter().enumerate() {
         cancel.check()?;
         let below = slice.voxel_slice();
         voxels
             .load(below - margin..=below + 1 + margin)
             .map_err(|_| Fault::new(FaultCode::Range, volume_base::OFFSET))?;
-        samples.interpolate(slice, &voxels, needs.gradient);
+        if let Some(memory) = memory.filter(|_| section.continues) {
+            memory.read(index, &mut carried)?;
+            section.entering(slice).for_each(|(ray, beam)| rays[place(ray)].resume(blend, carried[beam].ray));
+        }
+        samples.interpolate(section, slice, &voxels, &carried, needs.gradient);
         for row in slice.y.rays.clone() {
-            for column in slice.x.rays.clone() {
-                let beam = Sample { task, needs, slice, samples: &samples, ray: [column, row] };
-                beam.composite(&mut rays[(row * task.frame.rays.size[0] + column) as usize]);
+            for column in section.finished(&slice.x) {
+                let ray = [column, row];
+                let sample = Sample { task, needs, slice, samples: &samples, ray };
+                sample.composite(&mut rays[place(ray)]);
             }
         }
+        if let Some(memory) = memory.filter(|_| section.continued) {
+            let spilled = section.spill(slice, &voxels, &samples, needs.gradient, |ray| rays[place(ray)]);
+            memory.write(index, &spilled)?;
+        }
+    }
+    // From here on they are in section memory alone.
+    for slice in &plan.slices {
+        section.leaving(slice).for_each(|(ray, _)| rays[place(ray)].resume(blend, Ray::default()));
     }
     Ok(())
 }
@@ -137,10 +169,7 @@ impl Sample<'_> {
     /// The gradient in object axes.
     fn gradient(&self) -> [i32; 3] {
         let [column, row] = self.ray.map(i64::from);
-        let x = from_samples(self.samples.at(column - 1, row), self.samples.at(column + 1, row));
-        let y = from_samples(self.samples.at(column, row - 1), self.samples.at(column, row + 1));
-        let z = from_difference(self.samples.difference_at(column, row));
-        to_object([x, y, z], &self.task.frame.permutation)
+        to_object(self.samples.gradient_at(column, row), &self.task.frame.permutation)
     }
 }
 

@@ -2,8 +2,8 @@
 
 use crate::cycles::cycles;
 use crate::frame::FrameDescription;
+use crate::optimised::Optimised;
 use crate::optimised::simd::Level;
-use crate::optimised::{self, Optimised};
 use crate::plan::Plan;
 use crate::reference;
 use crate::tables::Tables;
@@ -18,6 +18,8 @@ pub struct Memories<'a> {
     pub voxel: SharedView<'a>,
     /// Pixel memory.
     pub pixel: SharedView<'a>,
+    /// Section memory, which frames in sections use.
+    pub section: SharedView<'a>,
 }
 
 /// A frame to render: what the start command took.
@@ -122,10 +124,6 @@ impl Renderer {
         voxel_memory: usize,
     ) -> Result<Task, Fault> {
         let frame = FrameDescription::decode(registers, voxel_memory)?;
-        match self {
-            Self::Reference => reference::serves(&frame)?,
-            Self::Optimised { .. } => optimised::serves(&frame)?,
-        }
         let tables = Tables::copy_from(tables, frame.copies)
             .map_err(|_| Fault::new(FaultCode::Range, table_select::COLOR))?;
         Ok(Task { frame, tables })
@@ -163,6 +161,10 @@ impl Engine {
         let plan = Plan::new(&task.frame);
         let checksum = match self {
             Self::Reference => reference::render(task, &plan, memories, cancel)?,
+            // Sections are a way to work, not a picture: the reference knows it.
+            Self::Optimised(_) if task.frame.output.sections => {
+                reference::render(task, &plan, memories, cancel)?
+            }
             Self::Optimised(optimised) => optimised.render(task, &plan, memories, cancel)?,
         };
         let samples = plan.samples();

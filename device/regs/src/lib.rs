@@ -7,7 +7,8 @@
 //! * [`frame_registers`]: the words a frame is described by,
 //! * [`format`]: voxel formats, pixel formats, blend modes,
 //! * [`permutation`]: object axes as seen along the view,
-//! * [`memory`]: what lies where in table, voxel, pixel and section memory,
+//! * [`memory`]: what lies where in table, voxel and pixel memory,
+//! * [`section`]: what lies where in section memory,
 //! * [`fault`]: why the card refused or gave up a command,
 //! * [`limit`]: the card's limits,
 //! * [`number`]: number formats,
@@ -26,6 +27,7 @@ pub mod pci;
 pub mod permutation;
 pub mod reflectance;
 pub mod register;
+pub mod section;
 pub mod shared;
 pub mod table;
 

@@ -112,3 +112,102 @@ pub const FACTOR: NumberFormat = NumberFormat {
     fraction: 8,
     note: "0..=255 stands for 0..=1; the pipeline scales it to (v << 7) | (v >> 1), so that 255 is an exact one",
 };
+
+/// Voxel and sample value.
+pub const VALUE: NumberFormat = NumberFormat {
+    name: "U12.0",
+    signed: false,
+    bits: 12,
+    fraction: 0,
+    note: "voxels and interpolated samples (paper, section 3.1: all voxel datapaths are 12 bits wide, samples are \
+           rounded to 12 bits); cannot overflow, interpolation never leaves the range of its voxels",
+};
+
+/// Voxel value inside of interpolation.
+pub const GUARDED: NumberFormat = NumberFormat {
+    name: "S12.3",
+    signed: true,
+    bits: 16,
+    fraction: 3,
+    note: "values and differences between the three interpolations; our choice: three guard bits are the most that \
+           leave differences in 16 bits",
+};
+
+/// Position of a sample.
+pub const POSITION: NumberFormat = NumberFormat {
+    name: "S10.8",
+    signed: true,
+    bits: 19,
+    fraction: 8,
+    note: "voxels; rounded to nearest from 22 fraction bits for each sample slice, never accumulated",
+};
+
+/// Interpolation weight.
+pub const WEIGHT: NumberFormat = NumberFormat {
+    name: "U0.8",
+    signed: false,
+    bits: 8,
+    fraction: 8,
+    note: "fraction of a position; always below 1",
+};
+
+/// Gradient component.
+pub const GRADIENT: NumberFormat = NumberFormat {
+    name: "S7.0",
+    signed: true,
+    bits: 8,
+    fraction: 0,
+    note: "-127..=127 (paper, section 3.2); a difference of 4095 over two voxels gives 127; the odd multiplier 1015 \
+           leaves no ties, so rounding is symmetric",
+};
+
+/// Gradient magnitude.
+pub const MAGNITUDE: NumberFormat = NumberFormat {
+    name: "U8.0",
+    signed: false,
+    bits: 8,
+    fraction: 0,
+    note: "0..=220 (paper, section 3.3), the rounded square root",
+};
+
+/// Colour and opacity from classification on.
+pub const COLOR: NumberFormat = NumberFormat {
+    name: "U0.12",
+    signed: false,
+    bits: 12,
+    fraction: 12,
+    note: "0..=4095 stands for 0..=1 (paper, section 3.6: 12 bits for opacity, accumulators and all intermediate \
+           compositing values); 8-bit colours are widened by replication",
+};
+
+/// A factor widened so that its greatest value is an exact one.
+pub const UNITY: NumberFormat = NumberFormat {
+    name: "U0.15",
+    signed: false,
+    bits: 15,
+    fraction: 15,
+    note: "(v << 7) | (v >> 1) of an 8-bit factor: 255 becomes 32767, which is the identity on 12 bits after \
+           rounding; our choice, v << 7 would darken by 1/256",
+};
+
+/// Sum of a weighted-sum ray.
+pub const SUM: NumberFormat = NumberFormat {
+    name: "U15.12",
+    signed: false,
+    bits: 27,
+    fraction: 12,
+    note: "sum of at most 32768 values of 12 bits; an extension for the weighted sum of the course slides",
+};
+
+/// Formats of the pipeline, in its order.
+pub const FORMATS: [(&str, NumberFormat); 9] = [
+    ("voxel, sample", VALUE),
+    ("interpolation", GUARDED),
+    ("sample position", POSITION),
+    ("weight", WEIGHT),
+    ("gradient component", GRADIENT),
+    ("gradient magnitude", MAGNITUDE),
+    ("color, opacity, accumulators", COLOR),
+    ("factor", UNITY),
+    ("weighted sum", SUM),
+];

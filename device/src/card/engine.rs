@@ -111,8 +111,8 @@ impl Engine {
 
     /// A panic of the renderer costs the frame, not the card.
     fn render(&self, command: &Command, task: &Task) -> Result<Report, Fault> {
-        let Memories { voxel, pixel, .. } = &command.memories;
-        let views = Views { voxel: voxel.view(), pixel: pixel.view() };
+        let Memories { voxel, pixel, section, .. } = &command.memories;
+        let views = Views { voxel: voxel.view(), pixel: pixel.view(), section: section.view() };
         let render = || self.render.render(task, views, &command.cancel);
         catch_unwind(AssertUnwindSafe(render)).unwrap_or_else(|_| {
             tracing::error!(frame = ?task.frame, "the renderer panicked");

@@ -16,6 +16,7 @@
 
 mod connection;
 mod device;
+mod door;
 mod messages;
 mod server;
 mod session;
@@ -71,6 +72,8 @@ impl From<Errno> for Ended {
 pub struct Counters {
     /// Clients that connected.
     pub connections: AtomicU64,
+    /// Clients that came while another one was served.
+    pub turned_away: AtomicU64,
     /// Requests, refused ones included.
     pub requests: AtomicU64,
     /// Messages refused, most of them by an error reply.

@@ -4,13 +4,12 @@ use std::io;
 use std::os::fd::OwnedFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use std::time::Duration;
+use std::thread::{self, Builder};
 
-use rustix::event::{PollFd, PollFlags, poll};
-use rustix::io::Errno;
-use rustix::net::{SocketFlags, accept_with};
+use crossbeam::channel::bounded;
 
 use super::connection::Connection;
+use super::door::Door;
 use super::messages::Messages;
 use super::session::Session;
 use super::socket::Socket;
@@ -19,9 +18,6 @@ use crate::dma::DmaTable;
 use crate::interrupt::Interrupts;
 use crate::listener::Listener;
 use crate::stop::Stop;
-
-/// How long to wait before accepting again when the process has no descriptor or memory left.
-const RECOVERY: Duration = Duration::from_millis(100);
 
 /// Serves a device to clients, one after another, on the calling thread.
 ///
@@ -53,30 +49,48 @@ impl<D: Device> Server<D> {
         &mut self.device
     }
 
-    /// Accepts and serves clients until the stop is requested. Further clients wait to be accepted.
+    /// Serves clients that come to `listener`, one after another, until the stop is requested. A client that comes
+    /// while another one is connected is told that the device is busy.
     ///
     /// # Errors
     ///
     /// If accepting fails for a reason that does not pass.
     pub fn listen(&mut self, listener: &Listener) -> io::Result<()> {
-        while let Some(socket) = self.accept(listener)? {
-            if self.serve(socket) == Ended::Stopped {
-                break;
+        let (stop, counters) = (self.stop.clone(), self.counters());
+        let door = &Door::new(listener, &stop, &counters);
+        let (enter, clients) = bounded(0);
+        thread::scope(|scope| {
+            let keeper = Builder::new().name("door".into());
+            // The door takes its end along, so that the loop ends when the door does.
+            let keeper = keeper.spawn_scoped(scope, move || door.keep(&enter))?;
+            for client in &clients {
+                if self.serve_until(&client, || door.has_left(&client)) == Ended::Stopped {
+                    break;
+                }
             }
-        }
-        Ok(())
+            // Whoever is about to enter is not let in any more.
+            drop(clients);
+            keeper.join().unwrap_or_else(|_| Err(io::Error::other("the door panicked")))
+        })
     }
 
     /// Serves one client that is connected already, until it goes, breaks the protocol, or the stop is requested.
     pub fn serve(&mut self, socket: OwnedFd) -> Ended {
-        Counters::count(&self.counters.connections);
         let socket = Arc::new(Socket::new(socket, self.stop.clone()));
-        let messages = Arc::new(Messages::new(Arc::clone(&socket)));
+        self.serve_until(&socket, || ())
+    }
+
+    /// Serves a client; `left` is told as soon as nothing more is done for it.
+    fn serve_until(&mut self, socket: &Arc<Socket>, left: impl FnOnce()) -> Ended {
+        Counters::count(&self.counters.connections);
+        let messages = Arc::new(Messages::new(Arc::clone(socket)));
         let mut ended = Ended::Panicked;
         if self.reset(ResetReason::Connection) {
             let session = Session::new(&mut self.device, &self.dma, &self.interrupts, Arc::clone(&messages));
+            let socket = Arc::clone(socket);
             ended = Connection::new(socket, Arc::clone(&messages), session, &self.counters).run();
         }
+        left();
         tracing::info!(counters = ?self.counters, "connection ended: {ended}");
         // The engine may be waiting for this client, and the reset for the engine.
         messages.close();
@@ -94,35 +108,14 @@ impl<D: Device> Server<D> {
         }
         reset.is_ok()
     }
-
-    /// The next client, or none once the stop is requested.
-    fn accept(&self, listener: &Listener) -> io::Result<Option<OwnedFd>> {
-        loop {
-            let mut polled = [PollFd::new(&self.stop, PollFlags::IN), PollFd::new(listener, PollFlags::IN)];
-            match poll(&mut polled, None) {
-                Ok(_) | Err(Errno::INTR) => {}
-                Err(errno) => return Err(errno.into()),
-            }
-            if polled.first().is_some_and(|stop| !stop.revents().is_empty()) {
-                return Ok(None);
-            }
-            match accept_with(listener, SocketFlags::CLOEXEC | SocketFlags::NONBLOCK) {
-                Ok(socket) => return Ok(Some(socket)),
-                Err(Errno::AGAIN | Errno::INTR | Errno::CONNABORTED) => {}
-                Err(errno @ (Errno::MFILE | Errno::NFILE | Errno::NOBUFS | Errno::NOMEM)) => {
-                    tracing::warn!("cannot accept a client now: {errno}");
-                    std::thread::sleep(RECOVERY);
-                }
-                Err(errno) => return Err(errno.into()),
-            }
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use std::os::unix::net::UnixStream;
     use std::sync::atomic::Ordering;
+
+    use rustix::io::Errno;
 
     use super::*;
     use crate::interrupt::InterruptMode;

@@ -6,7 +6,7 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::{Mutex, PoisonError};
 
 use rustix::cmsg_space;
-use rustix::event::{PollFd, PollFlags, poll};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::net::{
     RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, ReturnFlags, SendAncillaryBuffer,
@@ -77,6 +77,16 @@ impl Socket {
             }
         }
         Ok(received.bytes)
+    }
+
+    /// Whether the other side is still there. It may not have been for a while.
+    pub(super) fn is_connected(&self) -> bool {
+        let gone = PollFlags::RDHUP | PollFlags::HUP | PollFlags::ERR;
+        let mut polled = [PollFd::new(&self.socket, PollFlags::RDHUP)];
+        let now = Timespec { tv_sec: 0, tv_nsec: 0 };
+        let polled_one = poll(&mut polled, Some(&now));
+        let [socket] = &polled;
+        polled_one == Ok(0) || !socket.revents().intersects(gone)
     }
 
     /// Sends a message whole, its descriptor with the first byte.

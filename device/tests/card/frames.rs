@@ -2,7 +2,7 @@
 
 use vg500_engine::{Cancel, Memories, Renderer};
 use vg500_regs::memory::plane_pitch;
-use vg500_regs::pci::{BARS, PIXEL_MEMORY, TABLE_MEMORY, VOXEL_MEMORY, Vector};
+use vg500_regs::pci::{BARS, PIXEL_MEMORY, SECTION_MEMORY, TABLE_MEMORY, VOXEL_MEMORY, Vector};
 use vg500_regs::table::*;
 use vg500_regs::{Fault, FaultCode, PixelFormat, PlaneFormat, SharedView};
 use volumepro_device::Config;
@@ -37,7 +37,8 @@ fn a_frame_is_the_engines_and_nothing_of_it_is_trapped() {
     let voxel = peer.memory(VOXEL_MEMORY).view();
     let task = Renderer::Reference.take(&registers, &tables, voxel.size()).unwrap();
     let mut expected = vec![0; PIXEL_MEMORY.size as usize];
-    let views = Memories { voxel, pixel: SharedView::of(&mut expected) };
+    let section = peer.memory(SECTION_MEMORY).view();
+    let views = Memories { voxel, pixel: SharedView::of(&mut expected), section };
     let report = Renderer::Reference.render(&task, views, &Cancel::default()).unwrap();
     assert!(peer.memory(PIXEL_MEMORY).bytes(0, expected.len()) == expected);
     assert!(expected[..128].iter().any(|&byte| byte != 0));

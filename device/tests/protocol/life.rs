@@ -1,6 +1,10 @@
 //! Connections one after another, resets, and the end.
 
+use std::os::fd::AsFd;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
+
+use rustix::io::Errno;
 
 use volumepro_device::dma::DmaError;
 use volumepro_device::protocol::ResetReason;
@@ -32,7 +36,7 @@ fn every_client_finds_power_on_state() {
         client.write(BAR0, 0, &[1; 4]);
         client.write(BAR2, 0, &[1; 4]);
         client.map(0, 4096, &memory(4096));
-        let failed = [std::os::fd::AsFd::as_fd(&failed)];
+        let failed = [failed.as_fd()];
         client.succeed_with(SET_IRQS, &set_irqs(0x24, 3, 0, 1), &failed);
         drop(client);
         eventually(|| {
@@ -49,7 +53,7 @@ fn reset_is_idempotent_and_keeps_memory_and_descriptors() {
     let mut client = rig.client();
     let (error, file) = (event(), memory(4096));
     client.map(0, 4096, &file);
-    client.succeed_with(SET_IRQS, &set_irqs(0x24, 3, 0, 1), &[std::os::fd::AsFd::as_fd(&error)]);
+    client.succeed_with(SET_IRQS, &set_irqs(0x24, 3, 0, 1), &[error.as_fd()]);
     for _ in 0..2 {
         client.enable();
         client.write(BAR0, 0, &[1]);
@@ -76,15 +80,72 @@ fn function_level_reset_comes_through_configuration_space() {
 }
 
 #[test]
-fn clients_wait_for_each_other() {
+fn a_second_client_is_told_at_once_that_the_device_is_busy() {
     let rig = Rig::new();
     let mut first = rig.client();
-    let mut second = rig.connect();
-    second.send(&message(1, VERSION, 0, &[0; 4]), &[]);
+    for turn in 0..20 {
+        let began = Instant::now();
+        let mut second = rig.connect();
+        let reply = second.ask(VERSION, &[&[0; 4], &b"{}\0"[..]].concat());
+        assert_eq!((reply.flags, reply.error), (ERROR_REPLY, Errno::BUSY.raw_os_error() as u32));
+        assert!(second.is_closed());
+        assert!(began.elapsed() < Duration::from_secs(1), "{turn}");
+        first.works();
+    }
+    assert_eq!(rig.counters.turned_away.load(Ordering::Relaxed), 20);
+}
+
+#[test]
+fn clients_that_are_turned_away_cannot_hold_the_door() {
+    let rig = Rig::new();
+    let mut first = rig.client();
+    let (ours, mut theirs) = std::io::pipe().unwrap();
+    // One says nothing, one says half a header, one lies, one wants no reply, and one brings descriptors.
+    let silent = rig.connect();
+    let mut half = rig.connect();
+    half.send(&[1; 7], &[]);
+    let mut liar = rig.connect();
+    liar.send(&raw(1, VERSION, u32::MAX, 0, &[]), &[]);
+    let mut shy = rig.connect();
+    shy.send(&message(1, VERSION, NO_REPLY, &[0; 4]), &[]);
+    let mut bearer = rig.connect();
+    bearer.send(&message(1, VERSION, 0, &[0; 4]), &[ours.as_fd()]);
+    assert_eq!(bearer.receive().error, Errno::BUSY.raw_os_error() as u32);
+    for mut client in [silent, half, liar, shy, bearer] {
+        assert!(client.is_closed());
+    }
+    drop(ours);
+    let broken = std::io::Write::write(&mut theirs, &[0]).unwrap_err();
+    assert_eq!(broken.kind(), std::io::ErrorKind::BrokenPipe, "descriptors are closed");
     first.works();
-    drop(first);
-    assert_eq!(second.receive().error, 0);
-    second.works();
+}
+
+#[test]
+fn a_client_that_comes_as_the_last_one_goes_is_served() {
+    let rig = Rig::new();
+    let mut client = rig.client();
+    for turn in 0..200 {
+        match turn % 3 {
+            0 => {}
+            1 => _ = client.command(GET_INFO, 0, &[0; 16], &[]),
+            _ => client.send(&[0; 3], &[]),
+        }
+        drop(client);
+        client = rig.client();
+    }
+    client.works();
+    assert_eq!(rig.counters.turned_away.load(Ordering::Relaxed), 0);
+}
+
+#[test]
+fn a_client_that_the_server_gave_up_does_not_keep_others_out() {
+    let rig = Rig::new();
+    let mut broken = rig.client();
+    broken.send(&raw(5, REGION_WRITE, 3, 0, &[]), &[]);
+    broken.receive();
+    assert!(broken.is_closed());
+    // It keeps its end open.
+    rig.client().works();
 }
 
 #[test]

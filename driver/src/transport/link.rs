@@ -41,6 +41,7 @@ impl Link {
             .map_err(|cause| Error::System { what: "starting the thread of the protocol client", cause })?;
         let cause = match connected.recv_timeout(timeout) {
             Ok(Ok(())) => return Ok(Self { jobs, death, timeout }),
+            Ok(Err(vfio_user::Error::StreamRead(_))) => "turned away, perhaps for another client".into(),
             Ok(Err(error)) => error.to_string(),
             Err(RecvTimeoutError::Timeout) => format!("no answer within {timeout:?}"),
             Err(RecvTimeoutError::Disconnected) => "the server does not speak vfio-user".into(),

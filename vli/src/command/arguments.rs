@@ -199,7 +199,7 @@ pub struct Card {
     /// Threads that the card's engine uses.
     #[arg(long, value_name = "N", value_parser = value_parser!(u16).range(1..), allow_negative_numbers = true)]
     pub threads: Option<u16>,
-    /// Render section by section, 32 voxels wide (not served yet).
+    /// Render section by section, 32 voxels wide, through section memory; the picture is the same.
     #[arg(long)]
     pub sections: bool,
 }

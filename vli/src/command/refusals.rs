@@ -35,6 +35,7 @@ pub fn render(arguments: &Render) -> Result<(), Error> {
         (ideal && card.device != Device::Embedded, "--device", "has no effect with --renderer ideal"),
         (ideal && simd, "--simd", "has no effect with --renderer ideal"),
         (ideal && card.threads.is_some(), "--threads", "has no effect with --renderer ideal"),
+        (ideal && card.sections, "--sections", "has no effect with --renderer ideal"),
     ])?;
     appearance(&arguments.look)?;
     input(&arguments.input, arguments.volume.is_some())
@@ -46,7 +47,6 @@ fn unserved(arguments: &Render) -> Result<(), Error> {
     }
     let measures = matches!(arguments.explain, Some(Some(_)));
     apply(&[
-        (arguments.card.sections, "--sections", "is not served yet"),
         (measures, "--explain=time", "is not served yet: what each omission saves is not measured"),
     ])
 }

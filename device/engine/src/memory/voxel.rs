@@ -1,6 +1,7 @@
 //! Voxels in permuted order.
 
 use crate::frame::FrameDescription;
+use core::ops::Range;
 use vg500_regs::limit::VOLUME_SIZE;
 use vg500_regs::shared::OutOfRange;
 use vg500_regs::{SharedView, VoxelFormat};
@@ -37,6 +38,14 @@ impl<'a> PermutedVolume<'a> {
         });
         let size = frame.permuted_size().map(|size| size as usize);
         Self { memory, format: volume.format, size, origin, strides }
+    }
+
+    /// The voxels in a range along permuted x, which lies in the volume.
+    #[must_use]
+    pub fn section(mut self, voxels: Range<i64>) -> Self {
+        self.origin += voxels.start as isize * self.strides[0];
+        self.size[0] = (voxels.end - voxels.start) as usize;
+        self
     }
 
     /// Reads voxel slice `z` as 12-bit values, rows of `size[0]`. Slices outside of the volume replicate its
@@ -118,6 +127,12 @@ impl<'a> VoxelSlices<'a> {
 
     const fn place(z: i64) -> usize {
         z.rem_euclid(4) as usize
+    }
+
+    /// Rows of a slice.
+    #[must_use]
+    pub const fn rows(&self) -> i64 {
+        self.volume.size[1] as i64
     }
 
     /// The row at `y` of a slice that is loaded; rows past the volume replicate its outermost ones.

@@ -27,7 +27,6 @@ mod tile;
 mod visible;
 mod volume;
 
-use crate::frame::FrameDescription;
 use crate::plan::Plan;
 use crate::reference::first_rays;
 use crate::render::{Cancel, Memories, Task};
@@ -103,11 +102,6 @@ impl Optimised {
         }
         Ok(checksum.finalize())
     }
-}
-
-/// A fault unless the renderer does what the frame asks for.
-pub fn serves(frame: &FrameDescription) -> Result<(), Fault> {
-    crate::reference::serves(frame)
 }
 
 /// A tile to render.

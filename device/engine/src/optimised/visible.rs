@@ -55,7 +55,7 @@ impl<'a> Visible<'a> {
         words.fill(0);
         self.fill(position, axis, &slice.x, inside.clone(), words);
         if let Some(cut) = &self.frame.visibility.cut {
-            dim(cut, inside.clone(), |voxel| at(voxel), words);
+            dim(cut, inside.clone(), at, words);
         }
         if words[inside.clone()].iter().all(|&factor| factor == 0) {
             Seen::None
@@ -76,13 +76,13 @@ impl<'a> Visible<'a> {
     ) -> Option<Range<usize>> {
         let visibility = &self.frame.visibility;
         let mut inside = span.clone();
-        for axis in 0..3 {
+        for (axis, place) in position.into_iter().enumerate() {
             let [low, high] = visibility.block[axis].map(|bound| i64::from(bound) * ONE_VOXEL);
             let [min, max] = visibility.subvolume[axis].map(|bound| i64::from(bound) * ONE_VOXEL);
             let [first, last] = [low.max(min), (high - 1).min(max)];
             if axis == along {
                 inside = intersection(&inside, &voxels_between(x, first, last));
-            } else if !(first..=last).contains(&position[axis]) {
+            } else if !(first..=last).contains(&place) {
                 return None;
             }
         }
@@ -222,8 +222,8 @@ mod tests {
             let position = |voxel: usize| [start[0] + 256 * voxel as i64, start[1], start[2]];
             let mut words = [UNCUT as u16; 256];
             dim(&cut, 3..250, position, &mut words);
-            for voxel in 3..250 {
-                prop_assert_eq!(u32::from(words[voxel]), cut.factor(position(voxel)), "{}", voxel);
+            for (voxel, word) in words.iter().enumerate().take(250).skip(3) {
+                prop_assert_eq!(u32::from(*word), cut.factor(position(voxel)), "{}", voxel);
             }
             prop_assert_eq!(words[2], UNCUT as u16);
         }

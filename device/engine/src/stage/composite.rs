@@ -30,6 +30,15 @@ impl Ray {
         }
     }
 
+    /// Goes on with what has been accumulated in another section. Alpha blending leaves the extreme value alone: it
+    /// stays what the ray began with.
+    pub const fn resume(&mut self, mode: BlendMode, accumulated: Self) {
+        *self = match mode {
+            BlendMode::Alpha => Self { extreme: self.extreme, valid: self.valid, ..accumulated },
+            _ => accumulated,
+        };
+    }
+
     /// Blends a sample of the cursor over what the ray has accumulated: C = a c + (1 - a) C, A likewise. Sums
     /// become those of as many samples as before, at least one.
     pub fn cover(&mut self, mode: BlendMode, cursor: Classified) {

@@ -10,4 +10,5 @@ pub mod magnitude;
 pub mod reflect;
 pub mod reflectance;
 pub mod sample;
+pub mod section;
 pub mod visibility;

@@ -8,14 +8,16 @@ use vg500_engine::stage::composite::Ray;
 use vg500_engine::{Cancel, Memories, Renderer, Report, Task};
 use vg500_regs::limit::REFLECTANCE_ENTRIES;
 use vg500_regs::memory::{Table, padded, plane_offset};
-use vg500_regs::pci::{PIXEL_MEMORY, TABLE_MEMORY};
+use vg500_regs::pci::{PIXEL_MEMORY, SECTION_MEMORY, TABLE_MEMORY};
 use vg500_regs::{Fault, Permutation, SharedView, VoxelFormat};
 
-/// Voxel memory (as much as is loaded), table memory and pixel memory.
+/// Voxel memory (as much as is loaded), table memory, pixel memory and section memory.
 pub struct Card {
     pub voxels: Vec<u8>,
     pub tables: Vec<u8>,
     pub pixels: Vec<u8>,
+    /// Empty unless frames in sections are wanted.
+    pub sections: Vec<u8>,
 }
 
 /// Where a volume lies in voxel memory.
@@ -44,6 +46,7 @@ impl Card {
             voxels: Vec::new(),
             tables: vec![0x5a; TABLE_MEMORY.size as usize],
             pixels: vec![0x5a; PIXEL_MEMORY.size as usize],
+            sections: Vec::new(),
         }
     }
 
@@ -62,6 +65,12 @@ impl Card {
         card.set_gradient_magnitude(|entry| 40 + entry / 2);
         card.set_maps(&Permutation::IDENTITY);
         card
+    }
+
+    /// The card with section memory full of rubbish.
+    pub fn with_sections(mut self) -> Self {
+        self.sections = vec![0x5a; SECTION_MEMORY.size as usize];
+        self
     }
 
     /// Loads a volume behind those loaded before, padded as on a card; padding is rubbish.
@@ -138,9 +147,16 @@ impl Card {
 
     /// Renders a frame that has been taken.
     pub fn run(&mut self, task: &Task, cancel: &Cancel) -> Result<Report, Fault> {
-        let memories =
-            Memories { voxel: SharedView::of(&mut self.voxels), pixel: SharedView::of(&mut self.pixels) };
-        Renderer::Reference.render(task, memories, cancel)
+        Renderer::Reference.render(task, self.memories(), cancel)
+    }
+
+    /// Views of the memories.
+    pub fn memories(&mut self) -> Memories<'_> {
+        Memories {
+            voxel: SharedView::of(&mut self.voxels),
+            pixel: SharedView::of(&mut self.pixels),
+            section: SharedView::of(&mut self.sections),
+        }
     }
 
     /// Stored pixels of the rectangle that a scene renders, row by row.

@@ -178,7 +178,8 @@ fn memories_that_are_too_small_are_faults() {
     let task = card.task(&scene).unwrap();
     let last = plane_offset(scene.format, 1, scene.rays[0], scene.rays[1] - 1);
     let render = |voxels: &mut [u8], pixels: &mut [u8]| {
-        let memories = Memories { voxel: SharedView::of(voxels), pixel: SharedView::of(pixels) };
+        let section = SharedView::of(&mut []);
+        let memories = Memories { voxel: SharedView::of(voxels), pixel: SharedView::of(pixels), section };
         Renderer::Reference.render(&task, memories, &Cancel::default()).map_err(|fault| fault.code)
     };
     let mut voxels = card.voxels.clone();

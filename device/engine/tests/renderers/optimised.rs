@@ -5,9 +5,9 @@ use crate::grid::{Chance, Grid};
 use crate::scene::{LIT, MODES, Scene, UNLIT, VOXEL};
 use std::sync::LazyLock;
 use vg500_engine::frame::{Crop, Cursor, CutPlane, Illumination};
-use vg500_engine::{Cancel, Engine, Level, Memories, Renderer};
+use vg500_engine::{Cancel, Engine, Level, Renderer};
 use vg500_regs::memory::{Table, planes};
-use vg500_regs::{Permutation, PlaneFormat, SharedView, VoxelFormat};
+use vg500_regs::{Permutation, PlaneFormat, VoxelFormat};
 
 /// Every level of this processor with 1, 2 and 3 threads.
 static ENGINES: LazyLock<Vec<(String, Engine)>> = LazyLock::new(|| {
@@ -32,8 +32,7 @@ pub fn compare(card: &mut Card, scene: &Scene) {
     let expected = card.run(&task, &Cancel::default());
     let drawn = std::mem::replace(&mut card.pixels, before.clone());
     for (name, engine) in ENGINES.iter() {
-        let memories =
-            Memories { voxel: SharedView::of(&mut card.voxels), pixel: SharedView::of(&mut card.pixels) };
+        let memories = card.memories();
         let found = engine.render(&task, memories, &Cancel::default());
         match (&expected, &found) {
             (Ok(expected), Ok(found)) => {
@@ -78,7 +77,7 @@ fn one_in(chance: &mut Chance, number: usize) -> bool {
 }
 
 /// A random frame.
-fn random_scene(chance: &mut Chance, store: Store) -> Scene {
+pub fn random_scene(chance: &mut Chance, store: Store) -> Scene {
     let mut scene = Scene::new(store);
     let permutations: Vec<_> = Permutation::all().collect();
     scene.permutation = permutations[below(chance, permutations.len())];
@@ -139,13 +138,13 @@ fn random_illumination(chance: &mut Chance) -> Illumination {
 fn random_visibility(chance: &mut Chance, scene: &mut Scene) {
     let size = scene.store.size;
     let place = |chance: &mut Chance, axis: usize| below(chance, size[axis] + 4) as i32 - 2;
-    for axis in 0..3 {
+    for (axis, &voxels) in size.iter().enumerate() {
         if one_in(chance, 6) {
             let [a, b] = [place(chance, axis), place(chance, axis)];
             scene.subvolume[axis] = [a.min(b), a.max(b)];
         }
         if one_in(chance, 6) {
-            let [a, b] = [below(chance, size[axis] + 1), below(chance, size[axis] + 1)];
+            let [a, b] = [below(chance, voxels + 1), below(chance, voxels + 1)];
             scene.block[axis] = a.min(b)..a.max(b);
         }
     }
@@ -182,7 +181,7 @@ fn random_visibility(chance: &mut Chance, scene: &mut Scene) {
 }
 
 /// Tables of all kinds: dense, sparse, steps, random.
-fn random_tables(chance: &mut Chance, card: &mut Card) {
+pub fn random_tables(chance: &mut Chance, card: &mut Card) {
     let seed = chance.word();
     let mut words = Chance::new(seed);
     let dense: Vec<_> = (0..4096).map(|_| (words.word() as u32, words.word() as u16 & 4095)).collect();

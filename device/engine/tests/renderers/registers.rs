@@ -6,7 +6,7 @@ use crate::scene::{LIT, Scene, VOXEL};
 use proptest::prelude::*;
 use proptest::sample::select;
 use vg500_engine::frame::{Crop, Cursor, CutPlane};
-use vg500_engine::{Cancel, Memories, Renderer, Report};
+use vg500_engine::{Cancel, Renderer, Report};
 use vg500_regs::register::{Field, Register};
 use vg500_regs::table::REGISTERS;
 use vg500_regs::{BlendMode, Fault, FrameRegisters, SharedView};
@@ -32,8 +32,7 @@ fn run(card: &mut Card, registers: &FrameRegisters) -> Result<Report, Fault> {
     let (voxels, tables) = (card.voxels.clone(), card.tables.clone());
     let view = SharedView::of(&mut card.tables);
     let result = Renderer::Reference.take(registers, &view, card.voxels.len()).and_then(|task| {
-        let memories =
-            Memories { voxel: SharedView::of(&mut card.voxels), pixel: SharedView::of(&mut card.pixels) };
+        let memories = card.memories();
         Renderer::Reference.render(&task, memories, &Cancel::default())
     });
     assert!(card.voxels == voxels && card.tables == tables);

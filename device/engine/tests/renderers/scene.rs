@@ -36,6 +36,8 @@ pub struct Scene {
     pub plane: u32,
     pub accumulators: Option<u32>,
     pub cursor_only: bool,
+    /// Whether it is rendered in sections.
+    pub sections: bool,
 }
 
 impl Scene {
@@ -59,6 +61,7 @@ impl Scene {
             plane: 0,
             accumulators: None,
             cursor_only: false,
+            sections: false,
         }
     }
 
@@ -165,6 +168,7 @@ impl Scene {
         registers.set(output::BLEND, self.blend as u32);
         registers.set(output::PLANE_FORMAT, self.format as u32);
         registers.set(output::CURSOR_ONLY, self.cursor_only.into());
+        registers.set(output::SECTIONS, self.sections.into());
         registers.set(start::PLANE, self.plane);
     }
 }

@@ -18,7 +18,8 @@ fn directly(rig: &Rig, frame: &FrameRegisters) -> (Vec<u8>, vg500_engine::Report
     let size = memories.voxel.view().size();
     let task = Renderer::Reference.take(frame, &memories.table.view(), size).unwrap();
     let mut pixels = vec![0; memories.pixel.view().size()];
-    let views = Memories { voxel: memories.voxel.view(), pixel: SharedView::of(&mut pixels) };
+    let section = memories.section.view();
+    let views = Memories { voxel: memories.voxel.view(), pixel: SharedView::of(&mut pixels), section };
     let report = Renderer::Reference.render(&task, views, &Cancel::default()).unwrap();
     (pixels, report)
 }
