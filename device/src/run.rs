@@ -9,10 +9,9 @@ use std::process::ExitCode;
 use clap::Parser;
 use clap::error::ErrorKind;
 use tokio::signal::unix::{SignalKind, signal};
-use vg500_engine::Renderer;
 use vg500_regs::pci::{ALTERNATE_VENDOR_ID, VENDOR_ID, VOXEL_MEMORY_SIZES};
 
-use crate::config::{Config, InterruptMode, Pace};
+use crate::config::{Config, InterruptMode, Pace, RendererError, renderer};
 use crate::listener::{ListenError, Listener};
 use crate::readiness::Readiness;
 use crate::sandbox::{self, Mode, SandboxError, Treatment};
@@ -47,15 +46,15 @@ struct Arguments {
     /// Voxel memory in MiB: 128 or 256.
     #[arg(long, default_value = "128", value_parser = voxel_memory, value_name = "MIB")]
     voxel_memory: u64,
-    /// Which renderer runs: reference.
-    #[arg(long, default_value = "reference", value_parser = renderer)]
-    renderer: Renderer,
-    /// Vector instructions of the engine: auto or portable.
-    #[arg(long, default_value = "auto", value_parser = simd, value_name = "LEVEL")]
-    simd: Served,
-    /// Threads that render: 1.
-    #[arg(long, default_value = "1", value_parser = threads, value_name = "N")]
-    threads: Served,
+    /// Which renderer runs: optimised, or the reference that defines what it draws.
+    #[arg(long, default_value = "optimised", value_name = "NAME")]
+    renderer: String,
+    /// Vector instructions of the renderer: auto, avx512, avx2 or portable.
+    #[arg(long, default_value = "auto", value_name = "LEVEL")]
+    simd: String,
+    /// Threads that render: by default as many as there are cores.
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
     /// PCI vendor ID: 1067 or 10ba.
     #[arg(long, default_value = "1067", value_parser = vendor, value_name = "ID")]
     vendor: u16,
@@ -68,22 +67,18 @@ struct Arguments {
 }
 
 impl Arguments {
-    fn config(&self) -> Config {
-        Config {
+    fn config(&self) -> Result<Config, RendererError> {
+        Ok(Config {
             vendor: self.vendor,
             strict: self.strict,
             trace: self.trace.clone(),
             pace: self.pace.unwrap_or_default(),
             interrupts: self.interrupt,
             voxel_memory: self.voxel_memory,
-            renderer: self.renderer,
-        }
+            renderer: renderer(Some(&self.renderer), Some(&self.simd), self.threads)?,
+        })
     }
 }
-
-/// A value that asks for what there is.
-#[derive(Clone, Copy, Debug)]
-struct Served;
 
 fn pace(name: &str) -> Result<Pace, String> {
     match name {
@@ -104,31 +99,6 @@ fn interrupts(name: &str) -> Result<InterruptMode, String> {
 fn voxel_memory(size: &str) -> Result<u64, String> {
     let bytes = size.parse().ok().and_then(|size: u64| size.checked_mul(1 << 20));
     bytes.filter(|bytes| VOXEL_MEMORY_SIZES.contains(bytes)).ok_or_else(|| "one of 128, 256".into())
-}
-
-fn renderer(name: &str) -> Result<Renderer, String> {
-    match name {
-        "reference" => Ok(Renderer::Reference),
-        _ => Err("only `reference` is served".into()),
-    }
-}
-
-/// The reference renderer is portable.
-fn simd(level: &str) -> Result<Served, String> {
-    match level {
-        "auto" | "portable" => Ok(Served),
-        "avx2" | "avx512" => Err("not served by this renderer".into()),
-        _ => Err("one of auto, avx512, avx2, portable".into()),
-    }
-}
-
-/// The reference renderer has one thread.
-fn threads(count: &str) -> Result<Served, String> {
-    match count.parse::<u16>() {
-        Ok(1) => Ok(Served),
-        Ok(_) => Err("the renderer has 1 thread".into()),
-        Err(_) => Err("not a number".into()),
-    }
 }
 
 fn vendor(id: &str) -> Result<u16, String> {
@@ -166,6 +136,8 @@ enum Failure {
     #[error("no --socket, and no listening socket handed over")]
     NoSocket,
     #[error(transparent)]
+    Renderer(#[from] RendererError),
+    #[error(transparent)]
     Listen(#[from] ListenError),
     #[error(transparent)]
     Serve(#[from] ServeError),
@@ -179,7 +151,9 @@ impl Failure {
     const fn code(&self) -> u8 {
         match self {
             Self::Listen(ListenError::InUse { .. }) => FAILURE,
-            Self::NoSocket | Self::Listen(_) | Self::Serve(ServeError::Trace { .. }) => USAGE,
+            Self::NoSocket | Self::Renderer(_) | Self::Listen(_) | Self::Serve(ServeError::Trace { .. }) => {
+                USAGE
+            }
             _ => FAILURE,
         }
     }
@@ -248,7 +222,7 @@ async fn control(arguments: Arguments) -> Result<(), Failure> {
 
 /// Opens everything, enters the sandbox, and only then starts threads.
 fn start(arguments: Arguments) -> Result<(Handle, Readiness), Failure> {
-    let config = arguments.config();
+    let config = arguments.config()?;
     let (listener, place) = listener(arguments.socket.as_deref())?;
     let card = prepare(listener, &config)?;
     let readiness = Readiness::new(place);
@@ -292,13 +266,9 @@ mod tests {
 
     #[test]
     fn values_that_are_not_served_are_named() {
-        let cases: [&[&str]; 13] = [
-            &["--simd", "avx2"],
-            &["--simd", "mmx"],
-            &["--threads", "2"],
+        let cases: [&[&str]; 9] = [
             &["--threads", "-1"],
             &["--threads", "many"],
-            &["--renderer", "optimised"],
             &["--voxel-memory", "64"],
             &["--voxel-memory", "99999999999999999999"],
             &["--pace", "slow"],
@@ -312,6 +282,7 @@ mod tests {
             assert_eq!(error.exit_code(), i32::from(USAGE));
             assert!(error.to_string().contains(words[1]), "{error}");
         }
+        assert!(parse(&["--renderer", "fastest"]).unwrap().config().is_err());
         assert!(parse(&["--unknown"]).is_err());
         assert!(parse(&["leftover"]).is_err());
     }
@@ -321,7 +292,10 @@ mod tests {
         let arguments = parse(&["--socket", "card.sock"]).unwrap();
         let default = Config::default();
         assert_eq!((arguments.vendor, arguments.voxel_memory), (default.vendor, default.voxel_memory));
-        assert_eq!((arguments.renderer, arguments.interrupt), (default.renderer, default.interrupts));
+        assert_eq!(
+            (arguments.config().unwrap().renderer, arguments.interrupt),
+            (default.renderer, default.interrupts)
+        );
         assert_eq!(arguments.sandbox, Mode::On);
         assert!(!arguments.strict && arguments.pace.is_none() && arguments.trace.is_none());
     }

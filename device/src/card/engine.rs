@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crossbeam::channel::Receiver;
-use vg500_engine::{Cancel, Memories as Views, Renderer, Report, Task};
+use vg500_engine::{Cancel, Engine as Renderer, Memories as Views, Report, Task};
 use vg500_regs::table::start;
 use vg500_regs::{Fault, FaultCode};
 
@@ -25,7 +25,7 @@ pub(super) trait Render: Send {
 
 impl Render for Renderer {
     fn render(&self, task: &Task, memories: Views<'_>, cancel: &Cancel) -> Result<Report, Fault> {
-        Self::render(*self, task, memories, cancel)
+        Self::render(self, task, memories, cancel)
     }
 }
 

@@ -101,7 +101,7 @@ impl Card {
     /// If the system has no memory, threads or descriptors left for it.
     pub fn new(config: &Config, trace: Trace, host: &Host) -> io::Result<Self> {
         let bus = Arc::new(ClientBus::new(Arc::clone(&host.dma), Arc::clone(&host.interrupts)));
-        let card = Self::assemble(config, trace, host, bus, Box::new(config.renderer))?;
+        let card = Self::assemble(config, trace, host, bus, Box::new(config.renderer.start()))?;
         let board = Arc::downgrade(&card.board);
         host.dma.on_unmap(move || {
             if let Some(board) = board.upgrade() {
@@ -119,7 +119,7 @@ impl Card {
         render: Box<dyn Render>,
     ) -> io::Result<Self> {
         let voxel_memory = u32::try_from(config.voxel_memory).map_err(|_| io::ErrorKind::InvalidInput)?;
-        let identity = Identity { renderer: config.renderer.code(), voxel_memory };
+        let identity = Identity { renderer: config.renderer, voxel_memory };
         let memories = Memories::new(config.voxel_memory)?;
         let layout = Layout::vg500(config.vendor, config.interrupts, config.voxel_memory);
         let mut card = Self {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use vg500_engine::Report;
+use vg500_engine::{Renderer, Report};
 use vg500_regs::pci::Vector;
 use vg500_regs::table::*;
 use vg500_regs::{Fault, FaultCode, Field, Register};
@@ -21,8 +21,8 @@ const CAUSES: [(Field, Vector); 3] = [
 /// What the card is made of; it stands in registers from the beginning.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Identity {
-    /// Code of the renderer in `RENDERER`.
-    pub(super) renderer: u32,
+    /// Its renderer.
+    pub(super) renderer: Renderer,
     /// Bytes of voxel memory.
     pub(super) voxel_memory: u32,
 }
@@ -73,9 +73,10 @@ impl State {
     /// Registers as after power-on, and nothing to tell the host. Commands stay.
     pub(super) fn power_on(&mut self) {
         self.registers = RegisterFile::new();
-        self.registers.set(renderer::KIND, self.identity.renderer);
+        self.registers.set(renderer::KIND, self.identity.renderer.code());
         self.registers.set(architecture::KIND, 1);
-        self.registers.set(threads::COUNT, 1);
+        self.registers.set(simd_level::LEVEL, self.identity.renderer.simd_code());
+        self.registers.set(threads::COUNT, self.identity.renderer.threads() as u32);
         self.registers.set(voxel_memory_size::BYTES, self.identity.voxel_memory);
         self.be_silent();
         self.changed = false;

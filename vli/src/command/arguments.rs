@@ -261,7 +261,7 @@ pub enum RendererName {
     Ideal,
     /// The card's arithmetic, stage by stage.
     Reference,
-    /// The same, fast (not served yet).
+    /// The same pictures, sooner: what cards run unless told otherwise.
     Optimised,
 }
 

@@ -96,7 +96,7 @@ fn ideal(_: &Context, _: &Loaded, _: &TransferFunction) -> Result<BasePlane, Err
 /// Opens the card that the arguments name and checks that it is what they ask for.
 fn open(arguments: &CardArguments) -> Result<Board, Error> {
     let board = match &arguments.device {
-        Device::Embedded => embedded()?,
+        Device::Embedded => return embedded(arguments),
         Device::Socket(path) => {
             check_socket(path)?;
             let transport = VfioUser::connect(path, ANSWER).map_err(Error::failure)?;
@@ -123,16 +123,26 @@ fn check_socket(path: &Path) -> Result<(), Error> {
 }
 
 #[cfg(feature = "embedded")]
-fn embedded() -> Result<Board, Error> {
-    Board::embedded(&volumepro_device::Config::default(), ANSWER).map_err(Error::failure)
+fn embedded(arguments: &CardArguments) -> Result<Board, Error> {
+    let [renderer, simd] = [arguments.renderer.map(name), arguments.simd.map(name)];
+    let renderer = volumepro_device::config::renderer(
+        renderer.as_deref(),
+        simd.as_deref(),
+        arguments.threads.map(usize::from),
+    )
+    .map_err(Error::input)?;
+    let config = volumepro_device::Config { renderer, ..Default::default() };
+    let board = Board::embedded(&config, ANSWER).map_err(Error::failure)?;
+    check(arguments, board.card().info())?;
+    Ok(board)
 }
 
 #[cfg(not(feature = "embedded"))]
-fn embedded() -> Result<Board, Error> {
+fn embedded(_: &CardArguments) -> Result<Board, Error> {
     Err(Error::input("--device embedded: this program was built without the embedded card"))
 }
 
-/// Options of the device must be what the card reports; the embedded card has no others yet.
+/// Options of the device must be what the card reports.
 fn check(arguments: &CardArguments, info: &CardInfo) -> Result<(), Error> {
     let asked = [
         ("renderer", arguments.renderer.map(name), info.renderer.to_string()),

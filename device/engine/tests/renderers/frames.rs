@@ -167,7 +167,7 @@ fn a_frame_cancelled_from_another_thread_stops() {
         cancel.cancel();
         frame.join().unwrap()
     });
-    assert_eq!(result, Err(Fault::new(FaultCode::Cancelled, start::PLANE)));
+    assert_eq!(result, Err(Fault::CANCELLED));
     assert!(card.pixels == before, "a frame that was stopped has written nothing");
 }
 

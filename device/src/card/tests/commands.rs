@@ -15,7 +15,7 @@ use crate::config::Config;
 /// A card whose frames are held.
 fn held() -> (Rig, Arc<Gate>) {
     let gate = Gate::closed();
-    let rig = Rig::with(Config::default(), Gated(gate.clone(), Renderer::Reference));
+    let rig = Rig::with(Config::default(), Gated(gate.clone(), Renderer::Reference.start()));
     rig.fill();
     (rig, gate)
 }

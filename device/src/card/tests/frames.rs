@@ -95,7 +95,8 @@ fn voxels_written_through_the_mapping_are_in_the_next_frame() {
 
 #[test]
 fn hardware_pace_ends_frames_when_the_card_would_have() {
-    let mut rig = Rig::with(Config { pace: Pace::Hardware, ..Config::default() }, Renderer::Reference);
+    let mut rig =
+        Rig::with(Config { pace: Pace::Hardware, ..Config::default() }, Renderer::Reference.start());
     let mut slow = frame(1, 0);
     // 256 x 32 x 32 voxels, eight times: 524 288 cycles, 4.2 ms.
     slow.set(volume_size_z::Z, 256);

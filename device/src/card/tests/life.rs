@@ -14,7 +14,7 @@ use crate::protocol::{Device, ResetReason, region};
 
 fn held() -> (Rig, Arc<Gate>) {
     let gate = Gate::closed();
-    (Rig::with(Config::default(), Gated(gate.clone(), Renderer::Reference)), gate)
+    (Rig::with(Config::default(), Gated(gate.clone(), Renderer::Reference.start())), gate)
 }
 
 /// Nothing of what was done before can be seen.

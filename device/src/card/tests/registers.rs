@@ -166,8 +166,8 @@ fn the_msix_table_is_memory_and_the_pending_bits_are_not() {
 
 #[test]
 fn what_the_card_is_stands_in_its_registers() {
-    let config = Config { voxel_memory: 256 << 20, ..Config::default() };
-    let mut rig = Rig::with(config, Renderer::Reference);
+    let config = Config { voxel_memory: 256 << 20, renderer: Renderer::Reference, ..Config::default() };
+    let mut rig = Rig::with(config, Renderer::Reference.start());
     let words = [renderer::REGISTER, architecture::REGISTER, simd_level::REGISTER, threads::REGISTER]
         .map(|register| rig.read(register));
     assert_eq!(words, [1, 1, 0, 1]);

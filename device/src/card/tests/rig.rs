@@ -36,12 +36,12 @@ pub(super) struct Rig {
 impl Rig {
     /// A card of the default set-up with the reference renderer.
     pub(super) fn new() -> Self {
-        Self::with(Config::default(), Renderer::Reference)
+        Self::with(Config::default(), Renderer::Reference.start())
     }
 
     /// A card in strict mode.
     pub(super) fn strict() -> Self {
-        Self::with(Config { strict: true, ..Config::default() }, Renderer::Reference)
+        Self::with(Config { strict: true, ..Config::default() }, Renderer::Reference.start())
     }
 
     pub(super) fn with(config: Config, render: impl Render + 'static) -> Self {

@@ -89,7 +89,7 @@ fn memory_that_is_taken_away_is_not_the_drivers_mistake() {
 fn commands_that_get_in_each_others_way_are_named() {
     let gate = Gate::closed();
     let config = Config { strict: true, ..Config::default() };
-    let mut rig = Rig::with(config, Gated(gate.clone(), Renderer::Reference));
+    let mut rig = Rig::with(config, Gated(gate.clone(), Renderer::Reference.start()));
     let mut known = 0;
     let mut wide = frame(1, 0);
     wide.set(output::PLANE_FORMAT, PlaneFormat::Accumulator64 as u32);
@@ -115,7 +115,7 @@ fn commands_that_get_in_each_others_way_are_named() {
 fn while_held(change: impl Fn(&Rig)) -> Vec<String> {
     let gate = Gate::closed();
     let config = Config { strict: true, ..Config::default() };
-    let mut rig = Rig::with(config, Gated(gate.clone(), Renderer::Reference));
+    let mut rig = Rig::with(config, Gated(gate.clone(), Renderer::Reference.start()));
     rig.fill();
     let mut second_copy = frame(1, 0);
     second_copy.set(table_select::OPACITY, 1);

@@ -166,7 +166,7 @@ fn interrupts_come_only_from_enabled_causes() {
 #[test]
 fn handlers_return_while_the_host_is_being_told() {
     let gate = Gate::closed();
-    let mut rig = Rig::with(Config::default(), Gated(gate.clone(), Renderer::Reference));
+    let mut rig = Rig::with(Config::default(), Gated(gate.clone(), Renderer::Reference.start()));
     tell_all(&mut rig);
     let (entered, inside) = channel();
     let (release, held) = channel::<()>();

@@ -56,7 +56,7 @@ fn host_memory_that_is_not_there_is_a_fault() {
 #[test]
 fn a_transfer_waits_for_the_frame_before_it() {
     let gate = Gate::closed();
-    let mut rig = Rig::with(Config::default(), Gated(gate.clone(), Renderer::Reference));
+    let mut rig = Rig::with(Config::default(), Gated(gate.clone(), Renderer::Reference.start()));
     rig.fill();
     rig.start(&frame(1, 2));
     set_up(&mut rig, 0x4000);
@@ -85,7 +85,7 @@ fn a_transfer_waits_for_the_frame_before_it() {
 #[test]
 fn transfers_are_cancelled_apart_from_frames() {
     let gate = Gate::closed();
-    let mut rig = Rig::with(Config::default(), Gated(gate.clone(), Renderer::Reference));
+    let mut rig = Rig::with(Config::default(), Gated(gate.clone(), Renderer::Reference.start()));
     rig.start(&frame(1, 0));
     set_up(&mut rig, 0);
     start(&mut rig, 2, 0, PixelFormat::Rgba8);
