@@ -46,9 +46,7 @@ fn unserved(arguments: &Render) -> Result<(), Error> {
         return Err(Error::input(format!("--architecture {} is not served yet", name(architecture))));
     }
     let measures = matches!(arguments.explain, Some(Some(_)));
-    apply(&[
-        (measures, "--explain=time", "is not served yet: what each omission saves is not measured"),
-    ])
+    apply(&[(measures, "--explain=time", "is not served yet: what each omission saves is not measured")])
 }
 
 fn appearance(look: &Look) -> Result<(), Error> {

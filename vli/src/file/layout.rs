@@ -163,6 +163,13 @@ impl Layout {
         })
     }
 
+    /// The same samples, whose type holds all that stored numbers can mean. `field` is what the file calls dimensions.
+    pub fn with_meanings(self, meanings: &[Meaning], field: &'static str) -> Result<Self, FileFault> {
+        let scalar = type_of_meanings(self.stored, meanings);
+        check_size(&self.dimensions, scalar, field)?;
+        Ok(Self { scalar, ..self })
+    }
+
     /// Samples of the volume; their number has been checked.
     pub fn count(&self) -> usize {
         self.dimensions.iter().product()
@@ -195,5 +202,56 @@ impl Layout {
     /// Reads the samples.
     pub fn read(&self, path: &Path, progress: &mut Progress<'_>) -> Result<ScalarVolume, FileError> {
         decode::read_samples(path, self, progress)
+    }
+}
+
+/// A type for all that numbers of a stored type can mean: theirs if they mean themselves, a short integer where slopes
+/// and intercepts are whole, else floating point.
+fn type_of_meanings(stored: ScalarType, meanings: &[Meaning]) -> ScalarType {
+    let plain = |meaning: &Meaning| (meaning.slope, meaning.intercept) == (1.0, 0.0);
+    if meanings.iter().all(plain) || matches!(stored, ScalarType::Float32 | ScalarType::Float64) {
+        return stored;
+    }
+    let is_short = stored.bytes() <= 2;
+    let is_whole = |meaning: &Meaning| meaning.slope.fract() == 0.0 && meaning.intercept.fract() == 0.0;
+    let ends = meanings.iter().flat_map(|meaning| stored.ends(meaning.bits).map(|end| meaning.of(end)));
+    let ends: Vec<f64> = ends.collect();
+    let holds = |scalar: &ScalarType| {
+        let [least, greatest] = scalar.ends(u32::MAX);
+        ends.iter().all(|end| (least..=greatest).contains(end))
+    };
+    let integers = [ScalarType::Int16, ScalarType::Uint16, ScalarType::Int32];
+    let integer = integers.into_iter().find(holds).filter(|_| is_short && meanings.iter().all(is_whole));
+    integer.unwrap_or(if is_short { ScalarType::Float32 } else { ScalarType::Float64 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ScalarType::{Float32, Float64, Int16, Int32, Uint8, Uint16};
+
+    #[test]
+    fn types_hold_what_numbers_mean() {
+        for (stored, bits, slope, intercept, scalar) in [
+            (Uint16, 16, 1.0, 0.0, Uint16),
+            (Uint16, 12, 1.0, 0.0, Uint16),
+            (Uint16, 12, 1.0, -1024.0, Int16),
+            (Uint16, 16, 1.0, -1024.0, Int32),
+            (Int16, 16, 1.0, -1024.0, Int32),
+            (Int16, 12, 2.0, 10000.0, Int16),
+            (Uint8, 8, 256.0, 0.0, Uint16),
+            (Uint8, 8, 0.5, 0.0, Float32),
+            (Uint16, 16, 1e300, 0.0, Float32),
+            (Int32, 32, 2.0, 0.0, Float64),
+            (Float32, 32, 2.0, 1.0, Float32),
+        ] {
+            let meanings = [Meaning::itself(stored), Meaning { bits, slope, intercept }];
+            assert_eq!(
+                type_of_meanings(stored, &meanings[1..]),
+                scalar,
+                "{stored} {bits} {slope} {intercept}"
+            );
+            assert_eq!(type_of_meanings(stored, &meanings[..1]), stored);
+        }
     }
 }

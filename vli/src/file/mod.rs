@@ -5,12 +5,15 @@ mod data_files;
 mod decode;
 mod error;
 mod layout;
+mod meta_image;
+mod nifti;
 pub mod nrrd;
 pub mod output;
 pub mod raw;
 mod scalar;
 mod source;
 mod volume;
+mod vox;
 
 pub use error::{FileError, FileFault};
 pub use scalar::{ByteOrder, Samples, ScalarType};
@@ -29,7 +32,8 @@ pub type Progress<'a> = dyn FnMut(u64, u64) + 'a;
 pub const MAXIMUM_BYTES: u64 = 1 << 33;
 
 /// The formats that [`open`] understands, for messages.
-pub const FORMATS: &str = "NRRD (.nrrd, .nhdr)";
+pub const FORMATS: &str =
+    "NRRD (.nrrd, .nhdr), NIfTI-1 (.nii, .nii.gz), MetaImage (.mha, .mhd), Vox1999a (.vox)";
 
 /// A volume file whose header has been read and found right.
 #[derive(Debug)]
@@ -95,6 +99,12 @@ fn layout(path: &Path) -> Result<Layout, FileError> {
     };
     if beginning.starts_with(nrrd::MAGIC) || has_extension(&["nrrd", "nhdr"]) {
         nrrd::layout(path)
+    } else if beginning.starts_with(meta_image::MAGIC) || has_extension(&["mha", "mhd"]) {
+        meta_image::layout(path)
+    } else if beginning.starts_with(vox::MAGIC) || has_extension(&["vox"]) {
+        vox::layout(path)
+    } else if nifti::is_beginning(beginning) || nifti::is_name(path) {
+        nifti::layout(path)
     } else {
         Err(FileFault::UnknownFormat.of(path))
     }

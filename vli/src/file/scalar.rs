@@ -80,6 +80,17 @@ macro_rules! scalar_types {
             pub const fn bytes(self) -> usize {
                 match self { $(Self::$variant => size_of::<$type>(),)* }
             }
+
+            /// The least and the greatest finite number of so many low bits.
+            pub(super) fn ends(self, bits: u32) -> [f64; 2] {
+                match self {
+                    $(Self::$variant => {
+                        // All bits are ones, or all but the sign.
+                        let spare = (8 * size_of::<$type>() as u32).saturating_sub(bits);
+                        [<$type>::MIN, <$type>::MAX].map(|end| Scalar::to_f64(end) * 0.5_f64.powi(spare as i32)).map(f64::floor)
+                    })*
+                }
+            }
         }
 
         impl FromStr for ScalarType {
