@@ -96,6 +96,33 @@ mod tests {
     }
 
     #[test]
+    fn all_products_of_twelve_bits_are_rounded_exactly() {
+        for a in 0..=FULL {
+            for b in a..=FULL {
+                let exact = u32::from(a) * u32::from(b);
+                let found = u32::from(product(a, b));
+                // Twice the distance from the exact product, in 1/4096; a half goes up.
+                let off = 2 * (i64::from(found) * 4096 - i64::from(exact));
+                assert!(-4096 < off && off <= 4096, "{a} x {b}: {found}");
+                assert_eq!(product(b, a), product(a, b));
+            }
+        }
+        assert_eq!(product(64, 32), 1); // 0.5
+        assert_eq!(product(2047, 1), 0); // 0.49976
+        assert_eq!(product(FULL, FULL), 4094); // 4094.0002
+    }
+
+    #[test]
+    fn all_products_with_factors_are_rounded_exactly() {
+        for factor in 0..=255 {
+            for value in 0..=FULL {
+                let exact = f64::from(value) * f64::from(unity(factor)) / 32768.0;
+                assert_eq!(f64::from(scale(value, unity(factor))), (exact + 0.5).floor(), "{value} {factor}");
+            }
+        }
+    }
+
+    #[test]
     fn positions_round_to_nearest() {
         assert_eq!(used_position(1 << 22), 256);
         assert_eq!(used_position(-(1 << 22)), -256);

@@ -77,9 +77,11 @@ mod tests {
     use super::*;
     use vg500_regs::limit::REFLECTANCE_ENTRIES;
 
+    /// Every gradient but the one that is zero.
     fn gradients() -> impl Iterator<Item = [i32; 3]> {
-        let values = || (-127..=127).step_by(3).chain([-126, -1, 0, 1, 126]);
-        values().flat_map(move |x| values().flat_map(move |y| values().map(move |z| [x, y, z])))
+        let values = || -127..=127;
+        let all = values().flat_map(move |x| values().flat_map(move |y| values().map(move |z| [x, y, z])));
+        all.filter(|gradient| *gradient != [0; 3])
     }
 
     #[test]
@@ -91,7 +93,7 @@ mod tests {
 
     #[test]
     fn cube_vectors_reach_the_face_and_stay_on_it() {
-        for gradient in gradients().filter(|gradient| *gradient != [0; 3]) {
+        for gradient in gradients() {
             let vector = cube_vector(gradient);
             let axis = major_axis(gradient);
             assert_eq!(vector[axis].abs(), HALF_FACE, "{gradient:?}");
@@ -120,23 +122,51 @@ mod tests {
         assert_eq!(look_up(&[255; REFLECTANCE_ENTRIES], [13, -112, 57]), 32767);
     }
 
+    /// Every place of every face, against interpolation without rounding.
     #[test]
     fn interpolation_is_within_its_stated_error() {
         let map: Vec<u8> = (0..REFLECTANCE_ENTRIES).map(|entry| (entry * 37 % 256) as u8).collect();
-        for u in -112..112i32 {
-            for v in -111..112i32 {
-                let place = |c: i32| (((c + 112) / 32) as usize, f64::from((c + 112) % 32) / 32.0);
-                let ((column, wu), (row, wv)) = (place(u), place(v));
-                let entry = |r: usize, c: usize| f64::from(map[4 * 64 + (row + r) * 8 + column + c]);
-                let along = |r| entry(r, 0) * (1.0 - wu) + entry(r, 1) * wu;
-                let exact = (along(0) * (1.0 - wv) + along(1) * wv) / 255.0;
-                let found = f64::from(look_up(&map, [u, v, 112])) / 32767.0;
-                // Two truncations of 1/128 of an entry of 255, and the step of U0.15.
-                assert!(
-                    (found - exact).abs() <= 2.0 / 128.0 / 255.0 + 2.0 / 32768.0,
-                    "{u} {v}: {found} {exact}"
-                );
+        let place = |c: i32| {
+            let cell = ((c + 112) / 32).min(6);
+            (cell as usize, f64::from(c + 112 - 32 * cell) / 32.0)
+        };
+        for (face, u, v) in
+            (0..6).flat_map(|face| (-112..=112).flat_map(move |u| (-112..=112).map(move |v| (face, u, v))))
+        {
+            let mut vector = [0; 3];
+            let [across, down] = face_axes(face / 2);
+            (vector[across], vector[down]) = (u, v);
+            vector[face / 2] = if face % 2 == 0 { 112 } else { -112 };
+            if major_axis(vector) != face / 2 {
+                continue; // An edge that belongs to another face.
             }
+            let ((column, wu), (row, wv)) = (place(u), place(v));
+            let entry = |r: usize, c: usize| f64::from(map[face * FACE + (row + r) * VERTICES + column + c]);
+            let along = |r| entry(r, 0) * (1.0 - wu) + entry(r, 1) * wu;
+            let exact = (along(0) * (1.0 - wv) + along(1) * wv) / 255.0;
+            let found = f64::from(look_up(&map, vector)) / 32767.0;
+            // Two truncations of 1/128 of an entry of 255, and the step of U0.15.
+            let bound = 2.0 / 128.0 / 255.0 + 2.0 / 32768.0;
+            assert!((found - exact).abs() <= bound, "{vector:?}: {found} {exact}");
+        }
+    }
+
+    /// Every gradient's way through magnitude, face and map: each finds the face of its longest component.
+    #[test]
+    fn all_gradients_find_their_place_in_the_maps() {
+        let map: Vec<u8> = (0..REFLECTANCE_ENTRIES).map(|entry| 40 * (1 + entry / FACE) as u8).collect();
+        for gradient in gradients() {
+            let magnitude = crate::stage::magnitude::magnitude(gradient);
+            assert!((1..=220).contains(&magnitude), "{gradient:?}");
+            let axis = (0..3).rev().max_by_key(|&axis| (gradient[axis].abs(), axis)).unwrap_or(0);
+            let face = 2 * axis + usize::from(gradient[axis] < 0);
+            let vector = cube_vector(gradient);
+            assert_eq!(vector[axis], HALF_FACE * gradient[axis].signum());
+            if vector.iter().filter(|component| component.abs() == HALF_FACE).count() > 1 {
+                continue; // On an edge of the cube, whose entries both faces share.
+            }
+            let found = look_up(&map, vector);
+            assert_eq!(found, crate::fixed::unity(map[face * FACE]), "{gradient:?}");
         }
     }
 
@@ -146,7 +176,7 @@ mod tests {
         let mut mirrored = map.clone(); // x is negated: faces +x and -x change places, u runs backwards on the rest
         mirrored[..128].rotate_left(64);
         mirrored[128..].chunks_mut(8).for_each(<[u8]>::reverse);
-        for gradient in gradients().filter(|gradient| *gradient != [0; 3]) {
+        for gradient in gradients() {
             let [x, y, z] = gradient;
             let flipped = cube_vector([-x, y, z]);
             assert_eq!(look_up(&map, cube_vector(gradient)), look_up(&mirrored, flipped), "{gradient:?}");

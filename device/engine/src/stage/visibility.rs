@@ -152,6 +152,25 @@ mod tests {
         assert_eq!(kept(0x1888), 0); // and nothing when inverted
     }
 
+    /// Every combination of flags, for every way to lie in the slabs, against the sum of products that it stands for.
+    #[test]
+    fn all_flags_combine_slabs_as_the_manual_says() {
+        for flags in 0..1_u32 << 14 {
+            let crop = Crop { flags, slabs: [[0; 2]; 3] };
+            let bit = |number: u32| flags & 1 << number != 0;
+            for place in 0..8_u32 {
+                let inside = [0, 1, 2].map(|axis| place & 1 << axis != 0);
+                let term = |first: u32| {
+                    let outside_of_one = (0..3).any(|axis| bit(first + axis) && place & 1 << axis == 0);
+                    outside_of_one == bit(first + 3)
+                };
+                let met = [0, 4, 8].into_iter().filter(|first| term(*first)).count();
+                let combined = if bit(12) { met > 0 } else { met == 3 };
+                assert_eq!(crop.combines(inside), combined != bit(13), "{flags:#x} {inside:?}");
+            }
+        }
+    }
+
     #[test]
     fn crop_bounds_are_inclusive_and_may_lie_between_voxels() {
         let crop = Crop { flags: 1, slabs: [[100, 101]; 3] };
