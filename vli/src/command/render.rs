@@ -30,7 +30,7 @@ pub fn run(arguments: &Render) -> Result<(), Error> {
     // What the card cannot render is said before a card is opened.
     context.shear_warp(&loaded.volume)?;
     let mut target = Target::open(&arguments.card, transfer.function.clone())?;
-    say(&loaded.mapping);
+    say(loaded.mapping);
     match transfer.preset {
         Some(preset) => say(format_args!("preset {preset}")),
         None => remark_range(arguments, &loaded),

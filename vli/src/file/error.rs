@@ -27,6 +27,9 @@ pub enum FileFault {
     /// A folder.
     #[error("is a folder, not a file")]
     Folder,
+    /// A folder without images.
+    #[error("is a folder without DICOM images")]
+    NoImages,
     /// A device, pipe or socket, whose length cannot be known.
     #[error("is not a regular file")]
     NotRegular,

@@ -3,6 +3,7 @@
 
 mod data_files;
 mod decode;
+mod dicom;
 mod error;
 mod layout;
 mod meta_image;
@@ -32,8 +33,8 @@ pub type Progress<'a> = dyn FnMut(u64, u64) + 'a;
 pub const MAXIMUM_BYTES: u64 = 1 << 33;
 
 /// The formats that [`open`] understands, for messages.
-pub const FORMATS: &str =
-    "NRRD (.nrrd, .nhdr), NIfTI-1 (.nii, .nii.gz), MetaImage (.mha, .mhd), Vox1999a (.vox)";
+pub const FORMATS: &str = "NRRD (.nrrd, .nhdr), NIfTI-1 (.nii, .nii.gz), MetaImage (.mha, .mhd), Vox1999a (.vox), \
+    folders of a DICOM series";
 
 /// A volume file whose header has been read and found right.
 #[derive(Debug)]
@@ -90,6 +91,9 @@ pub fn open(path: &Path, progress: &mut Progress<'_>) -> Result<ScalarVolume, Fi
 
 /// Reads a header in whichever format it is.
 fn layout(path: &Path) -> Result<Layout, FileError> {
+    if path.is_dir() {
+        return dicom::layout(path);
+    }
     let mut beginning = [0; 8];
     let length = source::read_beginning(path, &mut beginning)?;
     let beginning = &beginning[..length];

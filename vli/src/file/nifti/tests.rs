@@ -82,9 +82,12 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap()
 }
 
+/// What makes a file wrong.
+type Change = fn(&mut File);
+
 #[test]
 fn wrong_fields_are_refused_by_name() {
-    let cases: [(fn(&mut File), &str); 21] = [
+    let cases: [(Change, &str); 21] = [
         (|it| it.integer(SIZE, 540), "sizeof_hdr: 540 is not 348"),
         (|it| it.bytes[MAGIC..MAGIC + 4].copy_from_slice(b"ni1\0"), "magic: samples in another file"),
         (|it| it.bytes[MAGIC..MAGIC + 4].copy_from_slice(b"n+2\0"), "header: Invalid NIfTI-1 file"),
