@@ -79,6 +79,47 @@ fn files_that_are_wrong() {
 }
 
 #[test]
+fn files_that_claim_gigabytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let nifti = |sizes: [u16; 3]| {
+        let mut header = vec![0_u8; 352];
+        header[..4].copy_from_slice(&348_u32.to_le_bytes());
+        for (index, size) in [3, sizes[0], sizes[1], sizes[2]].into_iter().enumerate() {
+            header[40 + 2 * index..42 + 2 * index].copy_from_slice(&size.to_le_bytes());
+        }
+        header[70] = 2;
+        (80..92).step_by(4).for_each(|place| header[place..place + 4].copy_from_slice(&1_f32.to_le_bytes()));
+        header[344..348].copy_from_slice(b"n+1\0");
+        header
+    };
+    let meta = "NDims = 3\nDimSize = 256 256 256\nElementType = MET_DOUBLE\nCompressedData = True\nElementDataFile = LOCAL\n";
+    let vox = "Vox1999a\n##\x0c\nVolumeSize 250 250 250\nVoxelSize 8\n##\x0c\n";
+    for (name, bytes, words) in [
+        ("a.nii", nifti([250; 3]), "a.nii: holds 352 bytes where"),
+        (
+            "b.nii",
+            nifti([30_000; 3]),
+            "b.nii: dim: 30000 x 30000 x 30000 samples of uint8 are more than 8 GiB",
+        ),
+        ("c.mha", meta.into(), "c.mha: holds 0 bytes where"),
+        ("d.vox", vox.into(), "d.vox: holds 0 bytes where"),
+    ] {
+        fs::write(path.join(name), bytes).unwrap();
+        refused(path, &["info", name], words);
+    }
+    // An attribute of four gigabytes in a DICOM image: text where none is that long, and anything.
+    fs::create_dir(path.join("series")).unwrap();
+    let head = [&[0; 128], &b"DICM\x02\0\x10\0UI\x14\x001.2.840.10008.1.2.1\0"[..]].concat();
+    for attribute in [b"\x20\0\x32\0UN\0\0\xf0\xff\xff\xff", b"\x09\0\x10\x10OB\0\0\xf0\xff\xff\xff"] {
+        fs::write(path.join("series/image"), [&head[..], attribute].concat()).unwrap();
+        refused(path, &["info", "series"], "series/image: ");
+    }
+    fs::remove_file(path.join("series/image")).unwrap();
+    refused(path, &["info", "series"], "series: is a folder without DICOM images");
+}
+
+#[test]
 fn transfer_functions_that_are_wrong() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
