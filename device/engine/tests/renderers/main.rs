@@ -1,6 +1,7 @@
 //! Tests of the renderers without any device: frames go from registers to pixel memory.
 //!
-//! [`card`] is what a card has of memory, [`grid`] volumes in readable form, [`scene`] frames in readable form;
+//! [`card`] is what a card has of memory, [`grid`] volumes in readable form, [`scene`] frames in readable form,
+//! [`lit`] lights;
 //! [`bounds`] says how far the reference may be from the ideal.
 //! All other modules are tests.
 
@@ -9,6 +10,7 @@
 mod bounds;
 mod card;
 mod grid;
+mod lit;
 mod scene;
 
 mod blocks;

@@ -9,72 +9,23 @@ use crate::bounds::light::interpolated;
 use crate::bounds::{Outcome, compare};
 use crate::card::Card;
 use crate::grid::{Chance, Grid};
+use crate::lit::{Lit, Vector, dot, unit};
 use crate::scene::{LIT, MODES, Scene};
 use crate::visibility::{cursor, cut_plane, view};
 use vg500_engine::frame::{Crop, Illumination};
 use vg500_engine::ideal;
-use vg500_engine::ideal::shading::{Light, Lighting};
-use vg500_regs::memory::Table;
+use vg500_engine::ideal::shading::Light;
 use vg500_regs::reflectance::{FACE, direction, face_axes};
 use vg500_regs::table::{material, output};
 use vg500_regs::{BlendMode, Fault, FaultCode, SharedView, VoxelFormat};
-
-type Vector = [f64; 3];
 
 /// A number in `low..high`.
 fn between(chance: &mut Chance, low: f64, high: f64) -> f64 {
     low + (high - low) * chance.below(1 << 32) as f64 / (1_u64 << 32) as f64
 }
 
-fn dot(a: Vector, b: Vector) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-pub fn unit(vector: Vector) -> Vector {
-    vector.map(|component| component / dot(vector, vector).sqrt())
-}
-
 fn any_direction(chance: &mut Chance) -> Vector {
     unit([0; 3].map(|_| between(chance, -1.0, 1.0)))
-}
-
-/// Lights, and what a card needs of them.
-#[derive(Clone, Debug)]
-pub struct Lit {
-    pub lighting: Lighting,
-    /// Direction towards the eye in voxel space.
-    pub eye: Vector,
-}
-
-impl Lit {
-    /// `axes` are the world vectors of one voxel along each object axis; `eye` is a direction in voxel space.
-    pub fn new(lights: Vec<Light>, exponent: f64, eye: Vector, axes: [Vector; 3]) -> Self {
-        let in_world = unit([0, 1, 2].map(|row| (0..3).map(|axis| axes[axis][row] * eye[axis]).sum()));
-        Self { lighting: Lighting::new(lights, exponent, in_world, axes), eye: unit(eye) }
-    }
-
-    /// The eye register.
-    pub fn register(&self) -> [i16; 3] {
-        self.eye.map(|component| (component * 32768.0).round().clamp(-32767.0, 32767.0) as i16)
-    }
-
-    /// What the specular map must hold for a reflection vector in voxel space: it comes of the gradient half-way
-    /// to the eye.
-    pub fn specular(&self, reflected: Vector) -> f64 {
-        let reflected = unit(reflected);
-        self.lighting.intensities([0, 1, 2].map(|axis| reflected[axis] + self.eye[axis]))[1]
-    }
-
-    pub fn diffuse(&self, gradient: Vector) -> f64 {
-        self.lighting.intensities(gradient)[0]
-    }
-
-    /// Fills the reflectance maps.
-    pub fn load(&self, card: &mut Card) {
-        let byte = |intensity: f64| (intensity * 255.0).round() as u8;
-        card.set_map(Table::Diffuse, |vertex| byte(self.diffuse(vertex.map(f64::from))));
-        card.set_map(Table::Specular, |vertex| byte(self.specular(vertex.map(f64::from))));
-    }
 }
 
 /// A slope across a volume, and waves on it that do not level it. Its greatest steepness is what 12 bits allow.

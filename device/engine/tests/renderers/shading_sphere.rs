@@ -21,13 +21,11 @@ use crate::bounds::{compare_with, task};
 use crate::card::Card;
 use crate::grid::Grid;
 use crate::scene::{Scene, UNLIT, VOXEL};
-use crate::shading::{Lit, unit};
+use crate::lit::{Lit, Vector, dot, unit};
 use vg500_engine::frame::Illumination;
 use vg500_engine::ideal::shading::Light;
 use vg500_engine::ideal::{self, Ray};
 use vg500_regs::{BlendMode, Permutation, SharedView, VoxelFormat};
-
-type Vector = [f64; 3];
 
 const MIDDLE: f64 = 2048.0;
 const LIGHTS: [Light; 2] = [
@@ -37,10 +35,6 @@ const LIGHTS: [Light; 2] = [
 const EXPONENT: f64 = 4.0;
 const MATERIAL: Illumination =
     Illumination { emissive: 20, diffuse: 180, specular: 60, specular_color: [255, 255, 128], ..UNLIT };
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
 
 /// A sphere in voxels of any shape.
 struct Sphere {
