@@ -149,7 +149,8 @@ fn a_bad_volume_is_named_as_on_the_host() {
     }
     let folder = tempfile::tempdir().unwrap();
     let scan = folder.path().join("scan.nrrd");
-    fs::write(&scan, "NRRD0004\ntype: uint9\n\n").unwrap();
+    let samples = "samples ".repeat(1 << 17);
+    fs::write(&scan, format!("NRRD0004\ntype: uint9\n\n{samples}")).unwrap();
     let picture = folder.path().join("out.png");
     let arguments = ["render", scan.to_str().unwrap(), "-o", picture.to_str().unwrap()];
     let host = volumepro(VOLUMEPRO, &arguments).unwrap();

@@ -88,7 +88,7 @@ impl<R: Read> Frames<R> {
     ///
     /// # Errors
     /// [`Error`].
-    pub fn next(&mut self) -> Result<(Kind, Vec<u8>), Error> {
+    pub fn read(&mut self) -> Result<(Kind, Vec<u8>), Error> {
         let damaged = Error::Damaged { offset: self.offset };
         let ([m0, m1, m2, letter], length, crc) = (self.word()?, self.word()?, self.word()?);
         let Some(kind) = Kind::ALL.into_iter().find(|kind| kind.letter() == letter) else {
@@ -136,7 +136,7 @@ mod tests {
     fn a_line_that_ends_early_says_so() {
         let line = frame(Kind::File, b"picture");
         for length in 0..line.len() {
-            assert!(matches!(Frames::new(&line[..length]).next(), Err(Error::Ended)), "{length}");
+            assert!(matches!(Frames::new(&line[..length]).read(), Err(Error::Ended)), "{length}");
         }
     }
 
@@ -150,8 +150,8 @@ mod tests {
                 let mut line = line.clone();
                 line[position] ^= change;
                 let mut frames = Frames::new(line.as_slice());
-                frames.next().unwrap();
-                match frames.next().unwrap_err() {
+                frames.read().unwrap();
+                match frames.read().unwrap_err() {
                     Error::Damaged { offset } => assert_eq!(offset, second as u64),
                     Error::Ended => assert!((4..8).contains(&(position - second)), "a longer length"),
                     Error::Line(error) => panic!("{error}"),
@@ -164,7 +164,7 @@ mod tests {
     fn a_claimed_length_takes_no_memory() {
         let mut line = frame(Kind::File, b"");
         line[4..8].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert!(matches!(Frames::new(line.as_slice()).next(), Err(Error::Ended)));
+        assert!(matches!(Frames::new(line.as_slice()).read(), Err(Error::Ended)));
     }
 
     proptest! {
@@ -174,9 +174,9 @@ mod tests {
                 pieces.iter().flat_map(|(kind, data)| frame(Kind::ALL[*kind], data)).collect();
             let mut frames = Frames::new(line.as_slice());
             for (kind, data) in pieces {
-                prop_assert_eq!(frames.next().unwrap(), (Kind::ALL[kind], data));
+                prop_assert_eq!(frames.read().unwrap(), (Kind::ALL[kind], data));
             }
-            prop_assert!(matches!(frames.next(), Err(Error::Ended)));
+            prop_assert!(matches!(frames.read(), Err(Error::Ended)));
         }
     }
 }

@@ -43,7 +43,7 @@ pub fn receive(
     let mut frames = Frames::new(line);
     let mut missing = result;
     loop {
-        let (kind, data) = frames.next()?;
+        let (kind, data) = frames.read()?;
         match kind {
             Kind::Output => print(&mut output, &data)?,
             Kind::Errors => print(&mut errors, &data)?,
