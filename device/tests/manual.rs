@@ -10,6 +10,7 @@ use vg500_engine::fixed::FORMATS;
 use vg500_regs::fault::FaultCode;
 use vg500_regs::manual::register_chapter;
 use vg500_regs::memory::Table;
+use volumepro_device::sandbox::{self, Treatment};
 
 const MANUAL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/PROGRAMMING.md");
 
@@ -52,6 +53,20 @@ fn formats() -> String {
     text
 }
 
+fn system_calls() -> String {
+    let mut text = String::from("| System calls | What for | |\n|---|---|---|\n");
+    for group in sandbox::GROUPS {
+        let names: Vec<_> = group.names().collect();
+        let treatment = match group.treatment {
+            Treatment::Allowed => "",
+            Treatment::AllowedWithSocket => "with `--socket`",
+            Treatment::Missing => "answered as if the system had no such call",
+        };
+        writeln!(text, "| {} | {} | {treatment} |", names.join(", "), group.purpose).unwrap();
+    }
+    text
+}
+
 /// `manual` with `text` between the markers of `part`.
 fn with_part(manual: &str, part: &str, text: &str) -> String {
     let [begin, end] = ["begin", "end"].map(|it| format!("<!-- {part}: {it} -->\n"));
@@ -64,6 +79,7 @@ fn with_part(manual: &str, part: &str, text: &str) -> String {
 fn generated_parts_are_up_to_date() {
     let manual = std::fs::read_to_string(MANUAL).unwrap();
     let parts = [
+        ("sandbox", system_calls()),
         ("tables", tables()),
         ("faults", faults()),
         ("formats", formats()),
@@ -96,7 +112,7 @@ fn registers_that_the_text_names_exist() {
     let names = code.filter(|name| {
         name.len() > 4 && name.chars().all(|it| it.is_ascii_uppercase() || it == '_' || it == '.')
     });
-    let outside = ["LISTEN_FDS", "NOTIFY_SOCKET", "TAG"];
+    let outside = ["EBUSY", "LISTEN_FDS", "NOTIFY_SOCKET", "SIGSYS", "TAG"];
     for name in names.filter(|name| !outside.contains(name)) {
         for word in name.split('.') {
             assert!(chapter.contains(word), "{name}");
