@@ -124,7 +124,8 @@ pub fn object_position(frame: &FrameDescription, slice: &Slice, voxel_x: usize, 
 }
 
 fn intersection(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
-    let start = a.start.max(b.start);
+    // Also where it is empty, it lies in `a`.
+    let start = a.start.max(b.start).min(a.end);
     start..a.end.min(b.end).max(start)
 }
 

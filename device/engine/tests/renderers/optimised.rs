@@ -243,3 +243,20 @@ fn random_frames_are_those_of_the_reference() {
         compare(&mut card, &scene);
     }
 }
+
+#[test]
+fn slabs_far_from_the_volume_crop_as_in_the_reference() {
+    for case in 0..30 {
+        let mut chance = Chance::new(case);
+        let mut card = Card::with_tables();
+        random_tables(&mut chance, &mut card);
+        let grid = random_grid(&mut chance);
+        let store = card.load(&grid);
+        let scene = random_scene(&mut chance, store);
+        let far =
+            [[70_000, 80_000], [-80_000, -70_000], [i32::MIN, i32::MAX], [i32::MAX, i32::MIN], [900, 100]];
+        let slabs = [(); 3].map(|()| far[below(&mut chance, far.len())]);
+        let flags = [7, 0x1421, 0x3421, 0x3fff][below(&mut chance, 4)];
+        compare(&mut card, &Scene { crop: Some(Crop { flags, slabs }), ..scene });
+    }
+}
