@@ -35,7 +35,9 @@ pub fn read_samples(
             decode(&mut reader, layout, &piece, &mut reading).map_err(|fault| fault.of(&piece.path))?;
         // Files of slices may have more than samples.
         if surplus && !matches!(layout.data, Data::Slices(_)) {
-            remarks.push(format!("{}: data goes on behind the last sample; ignored", piece.path.display()));
+            let what = "data goes on behind the last sample; ignored";
+            let detached = piece.path != path;
+            remarks.push(if detached { format!("{}: {what}", piece.path.display()) } else { what.into() });
         }
     }
     let found = reading.samples.len() as u64;
