@@ -55,10 +55,14 @@ fn supersampling_counts_every_sub_sample() {
 }
 
 #[test]
-fn the_ideal_renderer_says_that_it_is() {
-    let [card, ideal] = [&["--frames", "1"], &["--renderer", "ideal"]].map(|arguments| statistics(arguments));
-    assert_eq!((&card["renderer"], &ideal["renderer"]), (&"reference".into(), &"ideal".into()));
-    assert_eq!((&card["samples"], &card["base_plane"]), (&ideal["samples"], &ideal["base_plane"]));
+fn renderers_say_what_they_are_and_have_the_same_samples() {
+    let ideal = statistics(&["--renderer", "ideal"]);
+    for renderer in ["reference", "optimised", "ideal"] {
+        let statistics = statistics(&["--renderer", renderer]);
+        assert_eq!(statistics["renderer"], renderer);
+        assert_eq!(statistics["samples"], ideal["samples"], "{renderer}");
+        assert_eq!(statistics["base_plane"], ideal["base_plane"], "{renderer}");
+    }
 }
 
 #[test]

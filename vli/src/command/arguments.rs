@@ -283,9 +283,9 @@ pub enum Architecture {
 pub enum Simd {
     /// The card's choice.
     Auto,
-    /// Not served yet.
+    /// AVX-512, where the processor has it.
     Avx512,
-    /// Not served yet.
+    /// AVX2, where the processor has it.
     Avx2,
     /// None beyond what every processor has.
     Portable,
