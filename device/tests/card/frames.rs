@@ -13,7 +13,7 @@ fn strict() -> Server {
     Server::new(Config { strict: true, ..Config::default() })
 }
 
-fn start_transfer(peer: &mut Peer, tag: u32, address: u64, format: PixelFormat) {
+pub fn start_transfer(peer: &mut Peer, tag: u32, address: u64, format: PixelFormat) {
     peer.write(transfer_address_low::REGISTER, address as u32);
     peer.write(transfer_address_high::REGISTER, (address >> 32) as u32);
     peer.write(transfer_pitch::REGISTER, 4096);

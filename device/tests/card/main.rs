@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod confined;
+mod cycles;
 mod frames;
 mod life;
 mod peer;
