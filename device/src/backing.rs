@@ -8,6 +8,7 @@ use memmap2::{MmapOptions, MmapRaw};
 use rustix::fs::{
     FallocateFlags, MemfdFlags, SealFlags, fallocate, fcntl_add_seals, ftruncate, memfd_create,
 };
+use rustix::io::Errno;
 use vg500_regs::SharedView;
 
 /// Memory shared between the device and its client.
@@ -30,7 +31,7 @@ impl Backing {
         if size == 0 {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, format!("{name}: memory of no bytes")));
         }
-        let file = memfd_create(name, MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING)?;
+        let file = memory_file(name)?;
         ftruncate(&file, size)?;
         fcntl_add_seals(&file, SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL)?;
         let length = usize::try_from(size).map_err(|_| io::ErrorKind::OutOfMemory)?;
@@ -64,6 +65,15 @@ impl Backing {
     }
 }
 
+/// A file that is never a program: hardened systems give no other. Kernels before 6.3 do not know of it.
+fn memory_file(name: &str) -> io::Result<OwnedFd> {
+    let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
+    match memfd_create(name, flags | MemfdFlags::NOEXEC_SEAL) {
+        Err(Errno::INVAL) => Ok(memfd_create(name, flags)?),
+        result => Ok(result?),
+    }
+}
+
 impl AsFd for Backing {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.file.as_fd()
@@ -85,6 +95,17 @@ mod tests {
         let client = backing.as_fd().try_clone_to_owned().unwrap();
         assert!(ftruncate(&client, 4096).is_err());
         assert!(ftruncate(&client, 16384).is_err());
+    }
+
+    #[test]
+    fn it_is_no_program() {
+        use std::os::unix::fs::PermissionsExt;
+        let backing = Backing::new("data", 4096).unwrap();
+        let file = std::fs::File::from(backing.as_fd().try_clone_to_owned().unwrap());
+        let execute = std::fs::Permissions::from_mode(0o777);
+        // Older kernels do not know the flag, and let every file be marked as one.
+        let offered = memfd_create("probe", MemfdFlags::NOEXEC_SEAL).is_ok();
+        assert_eq!(file.set_permissions(execute).is_err(), offered);
     }
 
     #[test]

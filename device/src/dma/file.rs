@@ -10,6 +10,8 @@ use rustix::fs::{FileType, OFlags, SealFlags, fcntl_get_seals, fcntl_getfl, fsta
 use rustix::io::{Errno, pread, pwrite};
 use vg500_regs::SharedView;
 
+use super::MAX_REGION_SIZE;
+
 /// What tells one file from another, and a writable mapping of it from a read-only one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct FileId {
@@ -125,8 +127,11 @@ fn whole(length: usize, mut call: impl FnMut(usize) -> Result<usize, Errno>) -> 
     Ok(())
 }
 
-/// Maps the whole file, if the system can.
+/// Maps the whole file, if the system can, and if it is not so large that a few of them fill the address space.
 fn map(open: &OpenFile) -> Option<MmapRaw> {
+    if open.size > MAX_REGION_SIZE {
+        return None;
+    }
     let mut options = MmapOptions::new();
     options.len(usize::try_from(open.size).ok()?);
     if open.id.write { options.map_raw(&open.file) } else { options.map_raw_read_only(&open.file) }.ok()

@@ -8,7 +8,7 @@ mod region;
 #[cfg(test)]
 mod tests;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::fmt;
 use std::os::fd::OwnedFd;
 use std::sync::atomic::{AtomicUsize, Ordering, fence};
@@ -30,8 +30,8 @@ pub const PAGE: u64 = 4096;
 pub const MAX_REGIONS: usize = 65_535;
 /// Bytes of one region: more than a guest has, and the sum over all files stays in the address space.
 pub const MAX_REGION_SIZE: u64 = 1 << 40;
-/// Files behind the regions. A guest has one per memory backend; each costs a mapping or a descriptor, of
-/// which a process has about 65,000 and 1,024.
+/// Files behind the regions. A guest has one per memory backend; each costs a descriptor, of which a process has
+/// about 1,024, or a mapping of at most [`MAX_REGION_SIZE`], so that together they leave room in the address space.
 pub const MAX_FILES: usize = 64;
 /// How long unmapping waits for a transfer to end before it takes the memory away under it. Clients wait five
 /// seconds for the reply.
@@ -120,7 +120,8 @@ pub enum DmaError {
 struct Table {
     /// By first IOVA; no two overlap.
     regions: BTreeMap<u64, Arc<Region>>,
-    files: HashMap<FileId, Weak<FileMemory>>,
+    /// Those that some region uses, a file that grew once for each of its sizes.
+    files: Vec<(FileId, Weak<FileMemory>)>,
 }
 
 /// The memory that the client has mapped for DMA.
@@ -327,18 +328,18 @@ impl Table {
     /// The memory of a file of which `needed` bytes must be reachable. Each region comes with a descriptor of
     /// its own, but all of one file share one mapping.
     fn file(&mut self, open: OpenFile, needed: u64) -> Result<Arc<FileMemory>, Errno> {
-        let known = self.files.get(&open.id).and_then(Weak::upgrade);
+        let same = self.files.iter().filter(|(id, _)| *id == open.id);
         // A file that has grown since is mapped again.
-        if let Some(memory) = known.filter(|memory| memory.size >= needed) {
+        if let Some(memory) = same.filter_map(|(_, it)| it.upgrade()).find(|memory| memory.size >= needed) {
             return Ok(memory);
         }
-        self.files.retain(|_, memory| memory.strong_count() > 0);
+        self.files.retain(|(_, memory)| memory.strong_count() > 0);
         if self.files.len() >= MAX_FILES {
             return Err(Errno::NOSPC);
         }
         let id = open.id;
         let memory = Arc::new(FileMemory::new(open));
-        self.files.insert(id, Arc::downgrade(&memory));
+        self.files.push((id, Arc::downgrade(&memory)));
         Ok(memory)
     }
 }

@@ -199,6 +199,33 @@ fn a_file_that_grew_is_mapped_again() {
 }
 
 #[test]
+fn a_file_that_keeps_growing_does_not_fill_the_address_space() {
+    const NAME: &str = "keeps-growing";
+    let mappings = || read_to_string("/proc/self/maps").unwrap().matches(NAME).count();
+    let dma = table();
+    let memory = sealed(NAME, 1);
+    for page in 0..2 * MAX_FILES as u64 {
+        ftruncate(&memory, (page + 1) * PAGE).unwrap();
+        let full = if page < MAX_FILES as u64 { Ok(()) } else { Err(Errno::NOSPC) };
+        assert_eq!(dma.map(page * PAGE, PAGE, BOTH, file(&memory, page * PAGE)), full, "{page}");
+    }
+    assert_eq!(mappings(), MAX_FILES);
+    dma.clear();
+    assert_eq!(mappings(), 0);
+}
+
+#[test]
+fn huge_files_are_reached_and_not_mapped() {
+    const NAME: &str = "huge-file";
+    let dma = table();
+    let memory = sealed(NAME, (MAX_REGION_SIZE << 5) / PAGE);
+    dma.map(0, MAX_REGION_SIZE, BOTH, file(&memory, MAX_REGION_SIZE)).unwrap();
+    assert!(!read_to_string("/proc/self/maps").unwrap().contains(NAME));
+    dma.write(MAX_REGION_SIZE - 4, &[1, 2, 3, 4]).unwrap();
+    assert_eq!(bytes(&memory, 2 * MAX_REGION_SIZE - 4, 4), [1, 2, 3, 4]);
+}
+
+#[test]
 fn a_client_that_shortens_its_file_gets_errors_not_our_death() {
     let dma = table();
     let memory = unsealed("shortened", 2);

@@ -121,3 +121,90 @@ impl<'a, D: Device> Session<'a, D> {
         self.device.regions().get(index).cloned().unwrap_or_default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::net::UnixStream;
+
+    use super::*;
+    use crate::interrupt::InterruptMode;
+    use crate::pci::CommandRegister;
+    use crate::protocol::socket::Socket;
+    use crate::protocol::wire::Append;
+    use crate::stop::Stop;
+
+    struct Nothing;
+
+    impl Device for Nothing {
+        fn regions(&self) -> &[Region] {
+            &[]
+        }
+
+        fn read(&mut self, _: usize, _: u64, _: &mut [u8]) -> Result<(), Errno> {
+            Ok(())
+        }
+
+        fn write(&mut self, _: usize, _: u64, _: &[u8]) -> Result<(), Errno> {
+            Ok(())
+        }
+
+        fn reset(&mut self, _: ResetReason) {}
+    }
+
+    /// What a new session that has negotiated says to a request.
+    fn ask(command: Command, payload: &[u8], count: usize, surplus: bool) -> Result<(), Errno> {
+        let command_register = Arc::new(CommandRegister::default());
+        let dma = DmaTable::new(Arc::clone(&command_register));
+        let interrupts = Interrupts::new(InterruptMode::Msix, 32, command_register);
+        let socket = Socket::new(UnixStream::pair().unwrap().0.into(), Stop::new().unwrap());
+        let mut device = Nothing;
+        let mut session =
+            Session::new(&mut device, &dma, &interrupts, Arc::new(Messages::new(Arc::new(socket))));
+        let mut reply = Reply::default();
+        if command != Command::Version {
+            let version = [[0; 4].as_slice(), b"{\"capabilities\":{\"write_multiple\":true}}\0"].concat();
+            session.request(Command::Version as u16, &version, Descriptors::default(), &mut reply)?;
+        }
+        let taken = (0..count)
+            .map(|_| Stop::new().unwrap())
+            .map(|event| std::os::fd::AsFd::as_fd(&event).try_clone_to_owned().unwrap());
+        session.request(command as u16, payload, Descriptors { taken: taken.collect(), surplus }, &mut reply)
+    }
+
+    fn words(words: &[u32]) -> Vec<u8> {
+        let mut payload = Vec::new();
+        words.iter().for_each(|word| payload.u32(*word));
+        payload
+    }
+
+    /// Requests that are in order without descriptors.
+    fn requests() -> Vec<(Command, Vec<u8>)> {
+        vec![
+            (Command::Version, vec![0; 4]),
+            (Command::DmaUnmap, words(&[24, 0, 0, 0, 4096, 0])),
+            (Command::GetInfo, words(&[16, 0, 0, 0])),
+            (Command::GetRegionInfo, words(&[32, 0, 0, 0, 0, 0, 0, 0])),
+            (Command::GetIrqInfo, words(&[16, 0, 2, 0])),
+            (Command::RegionWriteMulti, words(&[0, 0])),
+            (Command::Reset, vec![]),
+        ]
+    }
+
+    #[test]
+    fn requests_that_take_no_descriptor_are_refused_with_one() {
+        for (command, payload) in requests() {
+            assert_eq!(ask(command, &payload, 0, false), Ok(()), "{command:?}");
+            assert_eq!(ask(command, &payload, 1, false), Err(Errno::INVAL), "{command:?}");
+            assert_eq!(ask(command, &payload, 0, true), Err(Errno::INVAL), "{command:?}");
+        }
+    }
+
+    #[test]
+    fn surplus_descriptors_are_refused_where_descriptors_belong() {
+        let (attach, map) = (words(&[20, 1 << 2 | 1 << 5, 2, 0, 16]), words(&[32, 3, 0, 0, 0, 0, 4096, 0]));
+        assert_eq!(ask(Command::SetIrqs, &attach, 16, false), Ok(()));
+        assert_eq!(ask(Command::SetIrqs, &attach, 16, true), Err(Errno::INVAL));
+        assert_eq!(ask(Command::DmaMap, &map, 0, false), Ok(()));
+        assert_eq!(ask(Command::DmaMap, &map, 0, true), Err(Errno::INVAL));
+    }
+}

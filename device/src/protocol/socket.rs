@@ -117,16 +117,22 @@ impl Socket {
         sendmsg(&self.socket, &[IoSlice::new(bytes)], &mut control, SendFlags::DONTWAIT | SendFlags::NOSIGNAL)
     }
 
-    /// Waits until the socket can move bytes, or has failed, which the next call then tells.
+    /// Waits until the socket can move bytes, or has failed, which the next call then tells. Nobody waits for room
+    /// with a client that has hung up, even if it keeps its end for reading.
     pub(super) fn wait(&self, flags: PollFlags) -> Result<(), Ended> {
+        let flags = if flags == PollFlags::OUT { PollFlags::OUT | PollFlags::RDHUP } else { flags };
         let mut polled =
             [PollFd::new(&self.stop, PollFlags::IN), PollFd::from_borrowed_fd(self.socket.as_fd(), flags)];
         match poll(&mut polled, None) {
             Ok(_) | Err(Errno::INTR) => {}
             Err(errno) => return Err(errno.into()),
         }
-        let [stop, _] = &polled;
-        if stop.revents().is_empty() { Ok(()) } else { Err(Ended::Stopped) }
+        let [stop, socket] = &polled;
+        match stop.revents().is_empty() {
+            true if socket.revents().contains(PollFlags::RDHUP) => Err(Ended::Disconnected),
+            true => Ok(()),
+            false => Err(Ended::Stopped),
+        }
     }
 }
 

@@ -149,6 +149,16 @@ fn a_client_that_the_server_gave_up_does_not_keep_others_out() {
 }
 
 #[test]
+fn a_client_that_hangs_up_without_taking_its_replies_is_let_go() {
+    let rig = Rig::new();
+    let mut deaf = rig.client();
+    let read = message(1, REGION_READ, 0, &access(BAR2, 0, 1 << 20));
+    (0..4).for_each(|_| deaf.send(&read, &[]));
+    deaf.stream.shutdown(std::net::Shutdown::Write).unwrap();
+    rig.client().works();
+}
+
+#[test]
 fn a_thousand_clients_come_and_go() {
     let rig = Rig::new();
     for turn in 0..1000 {
