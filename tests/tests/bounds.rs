@@ -23,7 +23,7 @@ use bounds::{Outcome, compare};
 use card::Card;
 use grid::Grid;
 use lit::{Lit, Vector};
-use scene::{MODES, Scene, UNLIT, VOXEL};
+use scene::{MODES, Scene, VOXEL};
 use vg500_engine::frame::Illumination;
 use vg500_engine::ideal::shading::Light;
 use vg500_regs::{BlendMode, Permutation};
@@ -101,7 +101,6 @@ fn check(name: &str, volume: &ScalarVolume) {
                 specular_color: [255, 255, 128],
                 eye: lit.register(),
                 modulate: [blend == BlendMode::Alpha, true, false],
-                ..UNLIT
             };
             let view = Scene { illumination, ..view };
             outcomes[1].join(&compare(&mut card, &view, Some(lit.lighting)));

@@ -5,6 +5,7 @@ use crate::{Board, LookupTable, Modulation as Wanted, Reflection};
 use glam::{DMat3, DMat4, DVec2, DVec3};
 use std::sync::Arc;
 use vg500_regs::BlendMode;
+use vg500_regs::memory::Table;
 use vg500_regs::reflectance::direction;
 
 const MODES: [BlendMode; 4] = [BlendMode::Alpha, BlendMode::Maximum, BlendMode::Minimum, BlendMode::Sum];
@@ -311,6 +312,56 @@ fn the_card_is_lit_as_the_ideal_is() {
         }
         assert!(highlight * 255.0 > 35.0, "it would be missed: {highlight}");
     }
+}
+
+/// The words that go into a table of the card.
+fn table(context: &Context, volume: &Volume, table: Table) -> volumepro_driver::TableContent {
+    let view = context.shear_warp(volume).unwrap();
+    let tables = context.tables(volume, &view).unwrap();
+    tables.into_iter().find(|content| content.table() == table).unwrap()
+}
+
+/// The paper, section 3.5: in isotropic volumes the maps need not be loaded again when the eye moves.
+#[test]
+fn moving_only_the_camera_changes_no_map_word_of_an_isotropic_volume() {
+    let (mut volume, mut context) = lit_plane();
+    let anisotropic = DMat4::from_scale(DVec3::new(1.0, 1.0, 1.5));
+    let models = [
+        DMat4::IDENTITY,
+        DMat4::from_rotation_y(0.7) * DMat4::from_rotation_x(-1.1) * DMat4::from_scale(DVec3::splat(0.37)),
+        DMat4::from_scale(DVec3::new(-2.0, 2.0, 2.0)),
+    ];
+    let cameras = (0..200).map(|place| {
+        let place = f64::from(place);
+        let [x, y, z] = [(1.7 * place).sin(), (2.9 * place + 1.0).sin(), (0.6 * place + 2.0).cos()];
+        along(x, y, z + 0.001)
+    });
+    let cameras: Vec<_> = cameras.collect();
+    for model in models {
+        volume.set_model_matrix(&model).unwrap();
+        let maps = |context: &Context, volume: &Volume| {
+            [Table::Diffuse, Table::Specular].map(|map| table(context, volume, map))
+        };
+        context.camera = along(0.0, 0.0, -1.0);
+        let expected = maps(&context, &volume);
+        for camera in &cameras {
+            context.camera = *camera;
+            assert!(maps(&context, &volume) == expected, "{model:?}, {camera:?}");
+        }
+        // They would notice other lights.
+        let lights = std::mem::take(&mut context.lights);
+        context.lights = vec![illumination::Light::new(DVec3::new(0.5, 0.4, -0.6), 0.6).unwrap()];
+        let [diffuse, specular] = maps(&context, &volume);
+        assert!(diffuse != expected[0] && specular != expected[1]);
+        context.lights = lights;
+    }
+    // The eye is part of the correction of anisotropic volumes, in the specular map alone.
+    volume.set_model_matrix(&anisotropic).unwrap();
+    let both = [&cameras[1], &cameras[2]].map(|camera| {
+        context.camera = *camera;
+        [Table::Diffuse, Table::Specular].map(|map| table(&context, &volume, map))
+    });
+    assert!(both[0][0] == both[1][0] && both[0][1] != both[1][1]);
 }
 
 /// The entries of the library's maps are what the ideal computes for their directions.
