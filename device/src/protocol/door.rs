@@ -1,4 +1,4 @@
-//! The door: one client is let in at a time, others are turned away at once.
+//! The door: one client is let in at a time, others are turned away.
 
 use std::io::{self, Read, Write};
 use std::os::fd::OwnedFd;
@@ -19,6 +19,9 @@ use crate::stop::Stop;
 
 /// How long to wait before accepting again when the process has no descriptor or memory left.
 const RECOVERY: Duration = Duration::from_millis(100);
+/// How long the last client has to go before the next one is turned away. A process that has just closed its end may
+/// have a child that is about to.
+const GRACE: Duration = Duration::from_millis(200);
 /// How long a client that is turned away may take for each part of its first message.
 const PATIENCE: Duration = Duration::from_millis(100);
 /// Bytes of that message that are looked at.
@@ -44,7 +47,7 @@ impl<'a> Door<'a> {
     /// A client that comes when the last one has just gone waits until the server has cleaned up behind that.
     pub(super) fn keep(&self, server: &Sender<Arc<Socket>>) -> io::Result<()> {
         while let Some(client) = self.accept()? {
-            if self.inside().as_ref().is_some_and(|inside| inside.is_connected()) {
+            if self.is_taken() {
                 self.turn_away(client);
                 continue;
             }
@@ -55,6 +58,13 @@ impl<'a> Door<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Whether a client is inside who stays.
+    fn is_taken(&self) -> bool {
+        // The server is not kept from saying that the client has left.
+        let inside = self.inside().clone();
+        inside.is_some_and(|inside| inside.stays_connected(GRACE)) && self.inside().is_some()
     }
 
     /// The server has done with a client.

@@ -4,6 +4,7 @@ use std::io::{IoSlice, IoSliceMut};
 use std::mem::MaybeUninit;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 use rustix::cmsg_space;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -79,14 +80,14 @@ impl Socket {
         Ok(received.bytes)
     }
 
-    /// Whether the other side is still there. It may not have been for a while.
-    pub(super) fn is_connected(&self) -> bool {
+    /// Whether the other side is still there after this time; returns as soon as it is not.
+    pub(super) fn stays_connected(&self, time: Duration) -> bool {
         let gone = PollFlags::RDHUP | PollFlags::HUP | PollFlags::ERR;
         let mut polled = [PollFd::new(&self.socket, PollFlags::RDHUP)];
-        let now = Timespec { tv_sec: 0, tv_nsec: 0 };
-        let polled_one = poll(&mut polled, Some(&now));
+        let time = Timespec::try_from(time).ok();
+        let ready = poll(&mut polled, time.as_ref());
         let [socket] = &polled;
-        polled_one == Ok(0) || !socket.revents().intersects(gone)
+        ready == Ok(0) || !socket.revents().intersects(gone)
     }
 
     /// Sends a message whole, its descriptor with the first byte.
@@ -139,7 +140,6 @@ impl Socket {
 #[cfg(test)]
 mod tests {
     use std::os::unix::net::UnixStream;
-    use std::time::Duration;
 
     use super::*;
 
