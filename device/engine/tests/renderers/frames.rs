@@ -8,7 +8,7 @@ use std::time::Duration;
 use vg500_engine::fixed::narrow;
 use vg500_engine::{Cancel, Memories, Renderer};
 use vg500_regs::memory::{plane_offset, planes};
-use vg500_regs::table::{accumulators, start};
+use vg500_regs::table::accumulators;
 use vg500_regs::{BlendMode, Fault, FaultCode, Permutation, PlaneFormat, SharedView};
 
 /// A small frame in which nothing is aligned.
