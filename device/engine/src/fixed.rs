@@ -4,7 +4,8 @@
 //! matters for the exactness of flipped volumes say why it does not.
 
 pub use vg500_regs::number::{
-    COLOR, FORMATS, GRADIENT, GUARDED, MAGNITUDE, POSITION, SUM, UNITY, VALUE, WEIGHT,
+    BODY, COLOR, COSINE, CUT_FACTOR, FORMATS, GRADIENT, GUARDED, MAGNITUDE, MAP_WEIGHT, POSITION, SUM, UNITY,
+    VALUE, WEIGHT,
 };
 
 /// Fraction bits of [`POSITION`].

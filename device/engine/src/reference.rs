@@ -1,6 +1,6 @@
 //! The reference renderer: it defines what the card computes. Scalar, stage by stage, slice by slice.
 
-use crate::fixed::{ONE_VOXEL, round_shift, scale, unity};
+use crate::fixed::{CUT_FACTOR, ONE_VOXEL, round_shift, scale, unity};
 use crate::frame::{Cursor, FrameDescription, Needs};
 use crate::memory::pixel;
 use crate::memory::section::SectionMemory;
@@ -161,7 +161,7 @@ impl Sample<'_> {
             alpha = scale(alpha, unity(modulation));
         }
         if self.task.frame.output.blend == BlendMode::Alpha {
-            alpha = round_shift(i64::from(alpha) * i64::from(factor), 8) as u16;
+            alpha = round_shift(i64::from(alpha) * i64::from(factor), CUT_FACTOR.fraction) as u16;
         }
         Classified { color: illuminate(illumination, classified.color, light, modulation), alpha }
     }

@@ -190,6 +190,99 @@ pub const UNITY: NumberFormat = NumberFormat {
            rounding; our choice, v << 7 would darken by 1/256",
 };
 
+/// Component of a gradient or reflection vector, stretched to the cube of the reflectance maps.
+pub const CUBE: NumberFormat = NumberFormat {
+    name: "S7.0",
+    signed: true,
+    bits: 8,
+    fraction: 0,
+    note: "-112..=112, half away from zero; the longest component is +-112; cells of the maps are 32 wide (our choice; \
+           the paper, section 3.5, gives 384 entries on six faces)",
+};
+
+/// Product of cube vector and eye vector.
+pub const COSINE: NumberFormat = NumberFormat {
+    name: "S8.7",
+    signed: true,
+    bits: 16,
+    fraction: 7,
+    note: "each of three products rounded half away from zero, then added (our choice); at most 112 sqrt(3)",
+};
+
+/// Component of half the reflection vector.
+pub const REFLECTION: NumberFormat = NumberFormat {
+    name: "S15.0",
+    signed: true,
+    bits: 16,
+    fraction: 0,
+    note: "(n . e) n - (n . n / 2) e of the cube vector n, both products rounded half away from zero; its longest \
+           component is 3600..=18820 long (our choice; paper, section 3.5: computed from gradient and eye vector)",
+};
+
+/// Weight of bilinear interpolation in a reflectance map.
+pub const MAP_WEIGHT: NumberFormat = NumberFormat {
+    name: "U1.5",
+    signed: false,
+    bits: 6,
+    fraction: 5,
+    note: "place in a cell, 0..=32, exact",
+};
+
+/// Light from a reflectance map.
+pub const INTENSITY: NumberFormat = NumberFormat {
+    name: "U0.15",
+    signed: false,
+    bits: 15,
+    fraction: 15,
+    note: "rows exact, each row times its weight cut off after 1/128 of an entry, then t + (t >> 8): an entry of 255 \
+           becomes 32767, an exact one",
+};
+
+/// Emission and diffuse light together.
+pub const BODY: NumberFormat = NumberFormat {
+    name: "U1.14",
+    signed: false,
+    bits: 15,
+    fraction: 14,
+    note: "ke + Id Gd kd, which may reach 2 (paper, section 3.5); only the final colour is clamped",
+};
+
+/// Value of the cut plane's equation.
+pub const CUT_VALUE: NumberFormat = NumberFormat {
+    name: "S41.22",
+    signed: true,
+    bits: 64,
+    fraction: 22,
+    note: "Ax + By + Cz, exact for each sample, never incremented",
+};
+
+/// What the cut plane leaves of an opacity.
+pub const CUT_FACTOR: NumberFormat = NumberFormat {
+    name: "U1.8",
+    signed: false,
+    bits: 9,
+    fraction: 8,
+    note: "0..=256, linear in the falloff (paper, section 4.3), half goes up",
+};
+
+/// Number of samples of a weighted-sum ray.
+pub const SAMPLE_COUNT: NumberFormat = NumberFormat {
+    name: "U20.0",
+    signed: false,
+    bits: 20,
+    fraction: 0,
+    note: "at most 32768; a frame that could exceed it is refused",
+};
+
+/// Stored colour and opacity of an RGBA8 base plane.
+pub const PIXEL: NumberFormat = NumberFormat {
+    name: "U0.8",
+    signed: false,
+    bits: 8,
+    fraction: 8,
+    note: "round(255 x / 4095) of 12 bits, exactly: (x 4081 + 32768) >> 16",
+};
+
 /// Sum of a weighted-sum ray.
 pub const SUM: NumberFormat = NumberFormat {
     name: "U15.12",
@@ -200,14 +293,24 @@ pub const SUM: NumberFormat = NumberFormat {
 };
 
 /// Formats of the pipeline, in its order.
-pub const FORMATS: [(&str, NumberFormat); 9] = [
-    ("voxel, sample", VALUE),
-    ("interpolation", GUARDED),
+pub const FORMATS: [(&str, NumberFormat); 19] = [
+    ("voxel, sample, extreme value of a ray", VALUE),
+    ("interpolation: voxels, and differences for the z gradient", GUARDED),
     ("sample position", POSITION),
     ("weight", WEIGHT),
     ("gradient component", GRADIENT),
     ("gradient magnitude", MAGNITUDE),
-    ("color, opacity, accumulators", COLOR),
-    ("factor", UNITY),
+    ("direction on the cube of the maps", CUBE),
+    ("direction times eye vector", COSINE),
+    ("half the reflection vector", REFLECTION),
+    ("weight in a reflectance map", MAP_WEIGHT),
+    ("Id, Is", INTENSITY),
+    ("factor: ke, kd, ks, entry of the gradient-magnitude table, and their products", UNITY),
+    ("emission and diffuse light", BODY),
+    ("color, opacity, premultiplied color, accumulators", COLOR),
+    ("cut plane's equation", CUT_VALUE),
+    ("cut plane's factor", CUT_FACTOR),
     ("weighted sum", SUM),
+    ("samples of a weighted sum", SAMPLE_COUNT),
+    ("stored RGBA8", PIXEL),
 ];

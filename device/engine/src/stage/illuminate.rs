@@ -5,7 +5,7 @@
 
 use super::reflect::{reflect, stretch};
 use super::reflectance::{cube_vector, look_up};
-use crate::fixed::{FULL, UNITY, round_shift, scale, unity, widen};
+use crate::fixed::{BODY, FULL, UNITY, round_shift, scale, unity, widen};
 use crate::frame::Illumination;
 use crate::tables::Tables;
 
@@ -47,7 +47,7 @@ pub fn illuminate(illumination: &Illumination, color: [u16; 3], light: Light, mo
     let own = (u32::from(unity(illumination.emissive)) + u32::from(diffuse) + 1) >> 1;
     let highlight = illumination.specular_color.map(|channel| scale(widen(channel), specular));
     [0, 1, 2].map(|channel| {
-        let body = round_shift(i64::from(color[channel]) * i64::from(own), UNITY.fraction - 1) as u16;
+        let body = round_shift(i64::from(color[channel]) * i64::from(own), BODY.fraction) as u16;
         (body + highlight[channel]).min(FULL)
     })
 }

@@ -5,6 +5,7 @@
 //! lies within a factor of three, and 16-bit lanes hold every step. Roundings are half away from zero.
 
 use super::reflectance::{CubeVector, HALF_FACE, major_axis};
+use crate::fixed::COSINE;
 use vg500_regs::number::EYE;
 
 /// Half the reflection vector, |n|^2 / 2 long, for a cube vector and the eye vector in S0.15.
@@ -12,9 +13,12 @@ use vg500_regs::number::EYE;
 pub fn reflect(vector: CubeVector, eye: [i16; 3]) -> [i32; 3] {
     let eye = eye.map(i32::from);
     // n . e with seven fraction bits: at most 112 sqrt(3) 128 = 24831.
-    let cosine: i32 = (0..3).map(|axis| rounded(vector[axis] * eye[axis], EYE.fraction - 7)).sum();
+    let cosine: i32 =
+        (0..3).map(|axis| rounded(vector[axis] * eye[axis], EYE.fraction - COSINE.fraction)).sum();
     let half_square = vector.iter().map(|component| component * component).sum::<i32>() / 2;
-    [0, 1, 2].map(|axis| rounded(cosine * vector[axis], 7) - rounded(half_square * eye[axis], EYE.fraction))
+    [0, 1, 2].map(|axis| {
+        rounded(cosine * vector[axis], COSINE.fraction) - rounded(half_square * eye[axis], EYE.fraction)
+    })
 }
 
 /// `value / 2^bits`, rounded half away from zero.

@@ -4,12 +4,12 @@
 //! [`vg500_regs::reflectance`] says which direction an entry stands for. After un-permutation every rounding is on
 //! absolute values, so that a mirrored vector meets a mirrored map exactly.
 
-use crate::fixed::round_shift;
+use crate::fixed::{MAP_WEIGHT, round_shift};
 use vg500_regs::reflectance::{FACE, VERTICES, face_axes};
 
 /// Half a face in map coordinates: cells are 32 wide, seven of them are 224.
 pub const HALF_FACE: i32 = 112;
-const CELL: i32 = 32;
+const CELL: i32 = 1 << MAP_WEIGHT.fraction;
 
 /// A direction on the cube: the major component is +-112, the others lie between.
 pub type CubeVector = [i32; 3];

@@ -1,13 +1,13 @@
 //! Which samples can be seen (paper, sections 4.2 and 4.3), by their position in object voxel space: block range,
 //! active sub-volume, cropping, cut plane.
 
-use crate::fixed::{ONE_VOXEL, round_shift};
+use crate::fixed::{CUT_FACTOR, ONE_VOXEL, round_shift};
 use crate::frame::{Crop, CutPlane, Visibility};
 use vg500_regs::number::{CUT_COEFFICIENT, CUT_RECIPROCAL};
 use vg500_regs::table::crop_flags;
 
 /// Full opacity as a factor of the cut plane.
-pub const UNCUT: u32 = 256;
+pub const UNCUT: u32 = 1 << CUT_FACTOR.fraction;
 
 impl Visibility {
     /// Whether a sample at `position` (object space, 1/256 voxel, relative to the store) belongs to the block.
