@@ -7,9 +7,13 @@
 use std::fmt::Write;
 
 use vg500_engine::fixed::FORMATS;
+use vg500_engine::{Cancel, Memories, Renderer};
 use vg500_regs::fault::FaultCode;
 use vg500_regs::manual::register_chapter;
 use vg500_regs::memory::Table;
+use vg500_regs::section::{ALWAYS, BLENDED, EXTREME, SUMMED, record_words};
+use vg500_regs::table::REGISTERS;
+use vg500_regs::{BlendMode, FrameRegisters, PixelFormat, SharedView};
 use volumepro_device::sandbox::{self, Treatment};
 
 const MANUAL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/PROGRAMMING.md");
@@ -53,6 +57,33 @@ fn formats() -> String {
     text
 }
 
+fn sections() -> String {
+    let mut text =
+        String::from("| Word | Bits | Field | Format | In | Meaning |\n|---|---|---|---|---|---|\n");
+    for (fields, modes) in
+        [(ALWAYS, "all"), (BLENDED, "alpha, MIP, MinIP"), (EXTREME, "MIP, MinIP"), (SUMMED, "weighted sum")]
+    {
+        for field in fields {
+            let (word, high) = (field.register / 4, field.low + field.bits - 1);
+            let bits = if field.bits == 1 { field.low.to_string() } else { format!("{high}..{}", field.low) };
+            let (name, format, meaning) = (field.name, field.format.name, field.meaning);
+            writeln!(text, "| {word} | {bits} | {name} | {format} | {modes} | {meaning} |").unwrap();
+        }
+    }
+    let words = |blend| record_words(blend) - 1;
+    let [alpha, extreme, sum] = [BlendMode::Alpha, BlendMode::Maximum, BlendMode::Sum].map(words);
+    write!(text, "\nWords that move: alpha 0..={alpha}; MIP, MinIP 0..={extreme}; weighted sum 0..={sum}.")
+        .unwrap();
+    text
+}
+
+fn pixels() -> String {
+    let codes = (0..).map_while(PixelFormat::from_code);
+    let list: Vec<_> =
+        codes.map(|format| format!("{} {}", format as u32, format!("{format:?}").to_uppercase())).collect();
+    list.join(", ") + "."
+}
+
 fn system_calls() -> String {
     let mut text = String::from("| System calls | What for | |\n|---|---|---|\n");
     for group in sandbox::GROUPS {
@@ -81,6 +112,8 @@ fn generated_parts_are_up_to_date() {
     let parts = [
         ("sandbox", system_calls()),
         ("tables", tables()),
+        ("sections", sections()),
+        ("pixels", pixels()),
         ("faults", faults()),
         ("formats", formats()),
         ("registers", register_chapter()),
@@ -118,4 +151,57 @@ fn registers_that_the_text_names_exist() {
             assert!(chapter.contains(word), "{name}");
         }
     }
+}
+
+/// A line of the worked example: a place, and the rest.
+fn example(manual: &str) -> Vec<(u32, usize, &str)> {
+    let (_, chapter) = manual.split_once("## Worked example").unwrap();
+    let (chapter, _) = chapter.split_once("\n## ").unwrap();
+    let lines = chapter.lines().filter_map(|line| line.strip_prefix("    BAR"));
+    lines
+        .map(|line| {
+            let (place, rest) = line.split_once("  ").unwrap();
+            let (bar, offset) = place.split_once(" + 0x").unwrap();
+            (bar.parse().unwrap(), usize::from_str_radix(offset, 16).unwrap(), rest.trim())
+        })
+        .collect()
+}
+
+/// The bytes at the beginning of a text.
+fn bytes(text: &str) -> Vec<u8> {
+    let numbers = text.split("  ").next().unwrap().split(' ');
+    numbers.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
+}
+
+#[test]
+fn the_worked_example_works() {
+    let manual = std::fs::read_to_string(MANUAL).unwrap();
+    let [mut tables, mut voxels, mut pixels] = [vec![0; 0x10000], vec![0; 0x10000], vec![0; 16 << 20]];
+    let mut registers = FrameRegisters::default();
+    let mut compared = 0;
+    for (bar, offset, rest) in example(&manual) {
+        match bar {
+            0 => {
+                let register = REGISTERS.iter().find(|it| it.offset as usize == offset).unwrap();
+                assert!(rest.contains(register.name), "{rest}: {}", register.name);
+                registers.write(register.offset, u32::from_str_radix(&rest[2..10], 16).unwrap());
+            }
+            1 => tables[offset..][..bytes(rest).len()].copy_from_slice(&bytes(rest)),
+            2 => voxels[offset..][..bytes(rest).len()].copy_from_slice(&bytes(rest)),
+            _ => {
+                let task =
+                    Renderer::Reference.take(&registers, &SharedView::of(&mut tables), voxels.len()).unwrap();
+                let memories = Memories {
+                    voxel: SharedView::of(&mut voxels),
+                    pixel: SharedView::of(&mut pixels),
+                    section: SharedView::of(&mut []),
+                };
+                assert_eq!((task.frame.tag, task.frame.output.plane), (1, 0));
+                Renderer::Reference.render(&task, memories, &Cancel::default()).unwrap();
+                assert_eq!(pixels[offset..][..4], bytes(rest), "{rest}");
+                compared += 1;
+            }
+        }
+    }
+    assert_eq!(compared, 2);
 }

@@ -52,11 +52,11 @@ macro_rules! fields {
 fields! {
     ALWAYS, "Fields of every record; [`Field::register`] is the byte offset of the word.": {
         VOXEL_VALUE 0, 0 +16 GUARDED "Voxel `end - 1` of the beam, interpolated along z."
-        DIFFERENCE 0, 16 +16 GUARDED "Half the difference of its neighbours along z, interpolated along z."
+        DIFFERENCE 0, 16 +16 GUARDED "Half the difference of its neighbours along z, interpolated along z; zero in frames without gradients."
         SAMPLE 1, 0 +12 VALUE "Sample in cell `end - 2`; its neighbour to the right is missing for the x gradient."
         BEFORE 1, 12 +12 VALUE "Sample in cell `end - 3`, its neighbour to the left."
-        GRADIENT_Y 1, 24 +8 GRADIENT "Gradient of the sample in cell `end - 2` along y."
-        GRADIENT_Z 2, 0 +8 GRADIENT "Gradient of the sample in cell `end - 2` along z."
+        GRADIENT_Y 1, 24 +8 GRADIENT "Gradient of the sample in cell `end - 2` along permuted y, before un-permutation."
+        GRADIENT_Z 2, 0 +8 GRADIENT "Likewise along permuted z."
     }
     BLENDED, "Fields of records in alpha blending, MIP and MinIP.": {
         RED 2, 8 +12 COLOR "Accumulators of the ray of cell `end - 3`, the last one that is finished: red."
