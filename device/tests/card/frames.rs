@@ -7,7 +7,7 @@ use vg500_regs::table::*;
 use vg500_regs::{Fault, FaultCode, PixelFormat, PlaneFormat, SharedView};
 use volumepro_device::Config;
 
-use crate::peer::{HOST, HOST_SIZE, Peer, Server, frame};
+use crate::peer::{HOST, HOST_SIZE, Peer, Server, await_that, frame};
 
 fn strict() -> Server {
     Server::new(Config { strict: true, ..Config::default() })
@@ -20,6 +20,34 @@ pub fn start_transfer(peer: &mut Peer, tag: u32, address: u64, format: PixelForm
     peer.write(transfer_size::REGISTER, transfer_size::WIDTH.put(32) | transfer_size::HEIGHT.put(32));
     let word = transfer::TAG.put(tag) | transfer::PIXEL_FORMAT.put(format as u32);
     peer.write(transfer::REGISTER, word);
+}
+
+/// The pixels are the same; what passed between the sections stands in the mapped section memory.
+#[test]
+fn a_frame_in_sections_goes_through_section_memory() {
+    let server = strict();
+    let mut peer = Peer::new(&server.socket());
+    peer.fill(64);
+    let mut registers = frame(64, 1, 0);
+    let mut pixels = Vec::new();
+    for (tag, sections) in [(1, 0), (2, 1)] {
+        let spilled = || peer.memory(SECTION_MEMORY).bytes(0, SECTION_MEMORY.size as usize);
+        assert!(spilled().iter().all(|byte| *byte == 0), "nothing has used it yet");
+        registers.set(start::TAG, tag);
+        registers.set(output::SECTIONS, sections);
+        peer.start(&registers);
+        await_that(|| peer.plane_state(0) == (tag, result::DONE));
+        pixels.push((peer.read(report_checksum::REGISTER), peer.memory(PIXEL_MEMORY).bytes(0, 512 * 4 * 64)));
+    }
+    assert!(pixels[0] == pixels[1] && pixels[0].1.iter().any(|byte| *byte != 0));
+    // Records of 64 beams on 64 slices; the first voxel that is spilled stands in the first word.
+    let spilled = peer.memory(SECTION_MEMORY).bytes(0, SECTION_MEMORY.size as usize);
+    let (records, rest) = spilled.split_at(64 * 64 * 32);
+    assert!(records.chunks(32).all(|record| record[..16].iter().any(|byte| *byte != 0)));
+    assert!(rest.iter().all(|byte| *byte == 0));
+    let [mut voxel, first] = [[0; 2], [records[0], records[1]]];
+    peer.memory(VOXEL_MEMORY).view().read(2 * 31, &mut voxel).unwrap();
+    assert_eq!(u16::from_le_bytes(first), (u16::from_le_bytes(voxel) & 4095) << 3);
 }
 
 #[test]
