@@ -417,6 +417,8 @@ impl Simd for Avx512 {
         }
     }
 
+    // Once for a tile: not worth unrolling for each specialisation.
+    #[inline(never)]
     fn map(self, map: &ReflectanceMap) -> Parities {
         let table = |v_parity: usize, u_parity: usize| {
             let mut bytes = [0; 128];
