@@ -50,7 +50,7 @@ mod tests {
 
     fn drawn(text: &str) -> Vec<String> {
         let row =
-            |y| (0..WIDTH * text.len() as u32).map(|x| if has_dot(text, x, y) { '#' } else { '.' }).collect();
+            |y| (0..WIDTH * text.chars().count() as u32).map(|x| if has_dot(text, x, y) { '#' } else { '.' }).collect();
         (0..HEIGHT).map(row).collect()
     }
 
