@@ -49,8 +49,11 @@ mod tests {
     use super::*;
 
     fn drawn(text: &str) -> Vec<String> {
-        let row =
-            |y| (0..WIDTH * text.chars().count() as u32).map(|x| if has_dot(text, x, y) { '#' } else { '.' }).collect();
+        let row = |y| {
+            (0..WIDTH * text.chars().count() as u32)
+                .map(|x| if has_dot(text, x, y) { '#' } else { '.' })
+                .collect()
+        };
         (0..HEIGHT).map(row).collect()
     }
 
