@@ -160,7 +160,7 @@ mod tests {
             (cut_min_high::REGISTER.offset, u32::MAX, "CUT_MIN_HIGH WORD=0xffffffff"),
             (reset::REGISTER.offset, 0x5245_5345, "RESET KEY=0x52455345"),
             (plane_state::REGISTER.at(3), 0x0001_0005, "PLANE_STATE[3] TAG=5 RESULT=1"),
-            (frame_reserved::REGISTER.offset, 5, "RESERVED 0x5"),
+            (keep::REGISTER.offset, 5, "KEEP OMISSIONS=0x5"),
         ];
         for (offset, word, expected) in cases {
             assert_eq!(decoded(offset, word), expected);

@@ -44,7 +44,7 @@ pub use error::Error;
 pub use frame::Ticket;
 pub use info::{Architecture, CardInfo, Completion, Renderer, SimdLevel};
 pub use plane::{BasePlane, Rectangle};
-pub use report::Report;
+pub use report::{LeftOut, Report};
 pub use tables::TableContent;
 pub use transport::vfio_user::{MESSAGE_TIMEOUT, PrivateSocket, VfioUser};
 pub use transport::{HostMemory, PciAddress, PciCard, PciSelector, Transport};

@@ -2,10 +2,12 @@
 
 use std::time::Duration;
 
+use vg500_regs::Register;
 use vg500_regs::limit::{BASE_PLANE_SIZE, SUPERSAMPLING, VOLUME_SIZE};
 use vg500_regs::table::{
-    report_checksum, report_cycles_high, report_omitted, report_processed_high, report_samples_high,
-    report_samples_low,
+    report_blocks, report_blocks_left_out, report_checksum, report_cycles_high, report_hidden,
+    report_omitted, report_processed_high, report_rays_finished, report_samples_high, report_samples_low,
+    report_transparent,
 };
 
 use crate::status::Source;
@@ -30,6 +32,31 @@ pub struct Report {
     pub finished: u32,
     /// CRC-32 (IEEE) of the rendered rectangle's stored pixels, row by row.
     pub checksum: u32,
+}
+
+/// How much of a frame was left out, beyond what [`Report`] tells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Samples left out because cropping, cut plane, sub-volume or block range hide their block.
+    pub hidden: u64,
+    /// Samples classified but not shaded, because all of their block turned out transparent.
+    pub transparent: u64,
+    /// Blocks of samples.
+    pub blocks: u64,
+    /// Blocks of samples that were left out.
+    pub blocks_left_out: u64,
+    /// Rays that were found unable to change before their end.
+    pub rays_finished: u64,
+}
+
+impl core::ops::AddAssign for LeftOut {
+    fn add_assign(&mut self, other: Self) {
+        self.hidden += other.hidden;
+        self.transparent += other.transparent;
+        self.blocks += other.blocks;
+        self.blocks_left_out += other.blocks_left_out;
+        self.rays_finished += other.rays_finished;
+    }
 }
 
 impl Report {
@@ -57,6 +84,16 @@ const _: () = {
     assert!(rays * samples <= u32::MAX as u64 && voxels * SUPERSAMPLING as u64 <= u32::MAX as u64);
 };
 
+/// What [`Card::left_out`] reads; each follows the one before.
+const LEFT_OUT: [Register; 5] = [
+    report_hidden::REGISTER,
+    report_transparent::REGISTER,
+    report_blocks::REGISTER,
+    report_blocks_left_out::REGISTER,
+    report_rays_finished::REGISTER,
+];
+const _: () = assert!(LEFT_OUT[4].offset - LEFT_OUT[0].offset == 4 * 4);
+
 const WORDS: usize =
     (report_checksum::REGISTER.offset - report_samples_low::REGISTER.offset) as usize / 4 + 1;
 
@@ -71,11 +108,7 @@ impl Card {
             return Err(Error::NotEnded { what: ticket.name() });
         }
         let words = self.report_words(report_samples_low::REGISTER.at(ticket.place))?;
-        // The report is this frame's if meanwhile no other has been submitted and the card has not been reset.
-        self.outcome(ticket, Source::Copy)?;
-        if lock(&self.state).slots.at(ticket.place).wiped() {
-            return Err(Error::StaleTicket { place: ticket.place });
-        }
+        self.own(ticket)?;
         let [s0, s1, p0, p1, t0, t1, c0, c1, omitted, empty, finished, checksum] = words;
         let wide = |low: u32, high: u32| u64::from(high) << 32 | u64::from(low);
         Ok(Report {
@@ -88,6 +121,38 @@ impl Card {
             finished,
             checksum,
         })
+    }
+
+    /// How much was left out of a frame that has ended, until the base plane is rendered again.
+    ///
+    /// # Errors
+    ///
+    /// As [`Card::report`].
+    pub fn left_out(&self, ticket: Ticket) -> Result<LeftOut, Error> {
+        if self.outcome(ticket, Source::Copy)?.is_none() {
+            return Err(Error::NotEnded { what: ticket.name() });
+        }
+        let mut words = [0; LEFT_OUT.len()];
+        if self.transport.bursts() {
+            self.transport.read_registers(LEFT_OUT[0].at(ticket.place), &mut words)?;
+        } else {
+            for (register, word) in LEFT_OUT.iter().zip(&mut words) {
+                *word = self.transport.read_register(register.at(ticket.place))?;
+            }
+        }
+        self.own(ticket)?;
+        let [hidden, transparent, blocks, blocks_left_out, rays_finished] = words.map(u64::from);
+        Ok(LeftOut { hidden, transparent, blocks, blocks_left_out, rays_finished })
+    }
+
+    /// That what was read of a frame's report is its own: meanwhile no other has been submitted and the card has not
+    /// been reset.
+    fn own(&self, ticket: Ticket) -> Result<(), Error> {
+        self.outcome(ticket, Source::Copy)?;
+        if lock(&self.state).slots.at(ticket.place).wiped() {
+            return Err(Error::StaleTicket { place: ticket.place });
+        }
+        Ok(())
     }
 
     /// The words of a report from its first on; those that are always zero are not read if that saves anything.

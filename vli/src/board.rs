@@ -7,7 +7,7 @@ use crate::volume::{Volume, VoxelIdentity, Voxels};
 use std::any::Any;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
-use vg500_regs::table::{base_plane_size, start_x, start_y};
+use vg500_regs::table::{base_plane_size, keep, start_x, start_y};
 use vg500_regs::{BlendMode, FrameRegisters, PlaneFormat};
 use volumepro_driver::{self as driver, BoardVolume, Card, Rectangle, TableContent, Ticket};
 
@@ -31,6 +31,10 @@ pub struct Board {
     card: Card,
     /// Volumes in board memory, the most recently used last.
     resident: Vec<(VoxelIdentity, BoardVolume)>,
+    /// What the card is not to leave out: bits of the register `KEEP`.
+    keep: u32,
+    /// Whether reports tell how much was left out.
+    detailed: bool,
     /// What serves the card, if it lives in this process; dropped last.
     server: Option<Box<dyn Any + Send>>,
 }
@@ -64,6 +68,12 @@ pub struct FrameReport {
     pub cycles: u64,
     /// What every pass left out: bits of the register `REPORT_OMITTED`.
     pub omitted: u32,
+    /// Samples left out because no value between their block's voxels can be seen or be a new extreme.
+    pub empty: u64,
+    /// Samples left out because no ray of their block can change.
+    pub finished: u64,
+    /// More about what was left out, if [`Board::detail`] asked for it; else zeros.
+    pub left_out: driver::LeftOut,
     /// Passes of the card.
     pub passes: u32,
 }
@@ -87,7 +97,7 @@ impl Board {
     /// A board with an open card.
     #[must_use]
     pub const fn new(card: Card) -> Self {
-        Self { card, resident: Vec::new(), server: None }
+        Self { card, resident: Vec::new(), keep: 0, detailed: false, server: None }
     }
 
     /// The board, with what serves its card; that is dropped after the card.
@@ -95,6 +105,17 @@ impl Board {
     pub fn served_by(mut self, server: Box<dyn Any + Send>) -> Self {
         self.server = Some(server);
         self
+    }
+
+    /// Tells the card what it is not to leave out from now on: bits of the register `KEEP`. No pixel depends on it.
+    pub const fn keep(&mut self, omissions: u32) {
+        self.keep = omissions;
+    }
+
+    /// Whether [`FrameReport::left_out`] is to be filled from now on; without the card's mapped memory that takes
+    /// some register reads for each frame.
+    pub const fn detail(&mut self, detailed: bool) {
+        self.detailed = detailed;
     }
 
     /// The card.
@@ -153,6 +174,7 @@ impl Board {
             _ => PlaneFormat::Accumulator64,
         };
         let mut registers = context.program(volume, &view, format);
+        registers.set(keep::OMISSIONS, self.keep);
         if let Some((_, board_volume)) = self.resident.last() {
             board_volume.bind(&board_volume.whole(), &mut registers)?;
         }
@@ -204,6 +226,9 @@ impl Board {
             let pixels = self.card.fetch_pixels(&plane, Rectangle::of_size(pass.size[0], pass.size[1]))?;
             rendering.collector.add(&pass, &pixels);
             rendering.report.add(&self.card.report(ticket)?);
+            if self.detailed {
+                rendering.report.left_out += self.card.left_out(ticket)?;
+            }
             drop(plane);
             self.submit(&mut rendering)?;
         }
@@ -234,5 +259,7 @@ impl FrameReport {
         self.engine_time += pass.engine_time;
         self.cycles += pass.cycles;
         self.omitted &= pass.omitted;
+        self.empty += u64::from(pass.empty);
+        self.finished += u64::from(pass.finished);
     }
 }

@@ -58,12 +58,22 @@ pub struct Report {
     pub cycles: u64,
     /// What was left out: bits of the register `REPORT_OMITTED`.
     pub omitted: u32,
-    /// Samples left out because their block cannot be seen.
-    pub empty: u64,
-    /// Samples left out because their ray can no longer change.
-    pub finished: u64,
     /// CRC-32 (IEEE) of the stored pixels, row by row.
     pub checksum: u32,
+    /// Samples left out because no value between their block's voxels can be seen or be a new extreme.
+    pub empty: u64,
+    /// Samples left out because no ray of their block can change.
+    pub finished: u64,
+    /// Samples left out because cropping, cut plane, sub-volume or block range hide their block.
+    pub hidden: u64,
+    /// Samples classified but not shaded, because all of their block turned out transparent.
+    pub transparent: u64,
+    /// Blocks of samples.
+    pub blocks: u64,
+    /// Blocks of samples that were left out.
+    pub blocks_left_out: u64,
+    /// Rays that were found unable to change before their end.
+    pub rays_finished: u64,
 }
 
 /// A renderer of the card: which one, and how it is set up.

@@ -443,8 +443,11 @@ registers! {
         SECTIONS 8 +1 CODE "Work section by section, 32 voxels wide, through section memory. Pixels are the same."
         CURSOR_ONLY 9 +1 CODE "Blend only the cursor over the accumulators of an earlier frame."
     }
-    frame_reserved "RESERVED" WriteOnly 0x3f8 = 0x0000_0000,
-    "Reserved, so that the start command closes the group; writing zero is no mistake." {
+    keep "KEEP" WriteOnly 0x3f8 = 0x0000_0000,
+    "What is not to be left out. No pixel depends on it: it tells what an omission is worth." {
+        OMISSIONS 0 +32 CODE "Bits as in `REPORT_OMITTED`. The engine does without the omissions that are set here, \
+                              and leaves out what else it can; it has no way to do without those of stages that are \
+                              off, but for illumination, gradients and modulation."
     }
     start "START" WriteOnly 0x3fc = 0x0000_0000,
     "Writing it queues a frame of what the frame registers hold. Registers and tables may be written again at \
@@ -489,15 +492,40 @@ registers! {
         INTERPOLATION_Y 9 +1 CODE "Interpolation along permuted y: all weights are zero."
         INTERPOLATION_Z 10 +1 CODE "Interpolation along permuted z: all weights are zero."
         SPECULAR 11 +1 CODE "Specular illumination alone."
-        EMPTY_BLOCKS 16 +1 CODE "Blocks of voxels that cannot be seen."
-        FINISHED_RAYS 17 +1 CODE "Rays that can no longer change."
+        PREMULTIPLICATION 12 +1 CODE "Colours times opacity: the lookup table has been multiplied once."
+        CLASSIFICATION 13 +1 CODE "Colours of samples that are not the extreme one: looked up once for each ray."
+        DECISIONS 14 +1 CODE "Questions after which stage is needed: the pipeline was built for just these stages. \
+                              0: the general pipeline, which asks."
+        EMPTY_BLOCKS 16 +1 CODE "Blocks of samples that are transparent whatever lies between their voxels."
+        FINISHED_RAYS 17 +1 CODE "Blocks of samples on rays that can no longer change."
+        BEATEN_BLOCKS 18 +1 CODE "Blocks of samples that cannot hold a new extreme value."
+        HIDDEN_BLOCKS 19 +1 CODE "Blocks of samples that cropping, cut plane, sub-volume or block range hide."
+        TRANSPARENT_BLOCKS 20 +1 CODE "Shading of blocks of samples that turned out transparent."
     }
     report_empty "REPORT_EMPTY" ReadOnly 0x102c [16 by 128] = 0x0000_0000,
-    "Samples left out because their block cannot be seen." { COUNT 0 +32 INTEGER "Samples; ends at 2^32-1." }
+    "Samples left out because no value between their block's voxels can be seen or be a new extreme." { COUNT 0 +32 INTEGER "Samples; ends at 2^32-1." }
     report_finished "REPORT_FINISHED" ReadOnly 0x1030 [16 by 128] = 0x0000_0000,
-    "Samples left out because their ray can no longer change." { COUNT 0 +32 INTEGER "Samples; ends at 2^32-1." }
+    "Samples left out because no ray of their block can change." { COUNT 0 +32 INTEGER "Samples; ends at 2^32-1." }
     report_checksum "REPORT_CHECKSUM" ReadOnly 0x1034 [16 by 128] = 0x0000_0000,
     "CRC-32 (IEEE) of the rendered rectangle's stored pixels, row by row." { CRC 0 +32 INTEGER "Checksum." }
+    report_hidden "REPORT_HIDDEN" ReadOnly 0x1038 [16 by 128] = 0x0000_0000,
+    "Samples left out because cropping, cut plane, sub-volume or block range hide their block." {
+        COUNT 0 +32 INTEGER "Samples; ends at 2^32-1."
+    }
+    report_transparent "REPORT_TRANSPARENT" ReadOnly 0x103c [16 by 128] = 0x0000_0000,
+    "Samples classified but not shaded: all of their block turned out transparent." {
+        COUNT 0 +32 INTEGER "Samples; ends at 2^32-1."
+    }
+    report_blocks "REPORT_BLOCKS" ReadOnly 0x1040 [16 by 128] = 0x0000_0000,
+    "Blocks of samples: up to 32 next to each other along permuted x." {
+        COUNT 0 +32 INTEGER "Blocks; ends at 2^32-1."
+    }
+    report_blocks_left_out "REPORT_BLOCKS_LEFT_OUT" ReadOnly 0x1044 [16 by 128] = 0x0000_0000,
+    "Blocks of samples that were left out, for whatever reason." {
+        COUNT 0 +32 INTEGER "Blocks; ends at 2^32-1."
+    }
+    report_rays_finished "REPORT_RAYS_FINISHED" ReadOnly 0x1048 [16 by 128] = 0x0000_0000,
+    "Rays that were found unable to change before their end." { COUNT 0 +32 INTEGER "Rays." }
 }
 
 /// Bytes of the status block, from offset 0.

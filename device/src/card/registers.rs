@@ -84,7 +84,7 @@ fn place(offset: u32) -> Option<usize> {
     if offset.is_multiple_of(4) { usize::try_from(offset / 4).ok() } else { None }
 }
 
-const _: () = assert!(table::report_checksum::REGISTER.at(15) as usize + 4 <= 4 * WORDS);
+const _: () = assert!(table::report_rays_finished::REGISTER.at(15) as usize + 4 <= 4 * WORDS);
 
 #[cfg(test)]
 mod tests {

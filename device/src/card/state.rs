@@ -232,6 +232,11 @@ impl State {
             (report_empty::REGISTER, count(report.empty)),
             (report_finished::REGISTER, count(report.finished)),
             (report_checksum::REGISTER, report.checksum),
+            (report_hidden::REGISTER, count(report.hidden)),
+            (report_transparent::REGISTER, count(report.transparent)),
+            (report_blocks::REGISTER, count(report.blocks)),
+            (report_blocks_left_out::REGISTER, count(report.blocks_left_out)),
+            (report_rays_finished::REGISTER, count(report.rays_finished)),
         ];
         words.into_iter().for_each(|(register, word)| self.registers.set_at(register, place, word));
     }

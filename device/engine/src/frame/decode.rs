@@ -28,6 +28,7 @@ impl FrameDescription {
                 table_select::GRADIENT_MAGNITUDE,
             ]
             .map(|field| registers.get(field) as usize),
+            keep: registers.get(keep::OMISSIONS),
             voxels_unchanged: registers.get(start::VOXELS_UNCHANGED) != 0,
             tag: registers.get(start::TAG) as u16,
         })

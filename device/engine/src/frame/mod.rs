@@ -145,6 +145,8 @@ pub struct FrameDescription {
     pub output: Output,
     /// Which copy of each table the frame uses, in the order of [`Table::ALL`].
     pub copies: [usize; Table::ALL.len()],
+    /// What is not to be left out: bits as in `REPORT_OMITTED`.
+    pub keep: u32,
     /// The client's promise that voxel memory has not changed since the last frame of this volume.
     pub voxels_unchanged: bool,
     /// Tag of the start command.
