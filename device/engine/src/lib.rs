@@ -29,5 +29,5 @@ pub mod tables;
 
 pub use frame::FrameDescription;
 pub use optimised::simd::{Level, LevelError};
-pub use render::{Cancel, Engine, Memories, Renderer, Report, Task};
+pub use render::{Cancel, Engine, LeftOut, Memories, Renderer, Report, Task};
 pub use tables::Tables;

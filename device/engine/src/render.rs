@@ -2,8 +2,8 @@
 
 use crate::cycles::cycles;
 use crate::frame::FrameDescription;
-use crate::optimised::Optimised;
 use crate::optimised::simd::Level;
+use crate::optimised::{Drawn, Optimised};
 use crate::plan::Plan;
 use crate::reference;
 use crate::tables::Tables;
@@ -60,6 +60,13 @@ pub struct Report {
     pub omitted: u32,
     /// CRC-32 (IEEE) of the stored pixels, row by row.
     pub checksum: u32,
+    /// How much was left out.
+    pub left_out: LeftOut,
+}
+
+/// How much of a frame was left out because of its data.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LeftOut {
     /// Samples left out because no value between their block's voxels can be seen or be a new extreme.
     pub empty: u64,
     /// Samples left out because no ray of their block can change.
@@ -74,6 +81,26 @@ pub struct Report {
     pub blocks_left_out: u64,
     /// Rays that were found unable to change before their end.
     pub rays_finished: u64,
+}
+
+impl LeftOut {
+    /// Samples that were not processed.
+    #[must_use]
+    pub const fn samples(&self) -> u64 {
+        self.empty + self.finished + self.hidden
+    }
+}
+
+impl core::ops::AddAssign for LeftOut {
+    fn add_assign(&mut self, other: Self) {
+        self.empty += other.empty;
+        self.finished += other.finished;
+        self.hidden += other.hidden;
+        self.transparent += other.transparent;
+        self.blocks += other.blocks;
+        self.blocks_left_out += other.blocks_left_out;
+        self.rays_finished += other.rays_finished;
+    }
 }
 
 /// A renderer of the card: which one, and how it is set up.
@@ -169,22 +196,25 @@ impl Engine {
     /// Renders a frame into pixel memory.
     pub fn render(&self, task: &Task, memories: Memories<'_>, cancel: &Cancel) -> Result<Report, Fault> {
         let plan = Plan::new(&task.frame);
-        let checksum = match self {
-            Self::Reference => reference::render(task, &plan, memories, cancel)?,
+        let drawn = match self {
             // Sections are a way to work, not a picture: the reference knows it.
-            Self::Optimised(_) if task.frame.output.sections => {
-                reference::render(task, &plan, memories, cancel)?
+            Self::Optimised(optimised) if !task.frame.output.sections => {
+                optimised.render(task, &plan, memories, cancel)?
             }
-            Self::Optimised(optimised) => optimised.render(task, &plan, memories, cancel)?,
+            _ => Drawn {
+                checksum: reference::render(task, &plan, memories, cancel)?,
+                omitted: task.frame.needs().omitted(),
+                left_out: LeftOut::default(),
+            },
         };
         let samples = plan.samples();
         Ok(Report {
             samples,
-            processed: samples,
+            processed: samples - drawn.left_out.samples(),
             cycles: cycles(&task.frame),
-            omitted: task.frame.needs().omitted(),
-            checksum,
-            ..Report::default()
+            omitted: drawn.omitted,
+            checksum: drawn.checksum,
+            left_out: drawn.left_out,
         })
     }
 }

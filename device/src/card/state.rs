@@ -229,14 +229,14 @@ impl State {
             (report_cycles_low::REGISTER, low(report.cycles)),
             (report_cycles_high::REGISTER, high(report.cycles)),
             (report_omitted::REGISTER, report.omitted),
-            (report_empty::REGISTER, count(report.empty)),
-            (report_finished::REGISTER, count(report.finished)),
+            (report_empty::REGISTER, count(report.left_out.empty)),
+            (report_finished::REGISTER, count(report.left_out.finished)),
             (report_checksum::REGISTER, report.checksum),
-            (report_hidden::REGISTER, count(report.hidden)),
-            (report_transparent::REGISTER, count(report.transparent)),
-            (report_blocks::REGISTER, count(report.blocks)),
-            (report_blocks_left_out::REGISTER, count(report.blocks_left_out)),
-            (report_rays_finished::REGISTER, count(report.rays_finished)),
+            (report_hidden::REGISTER, count(report.left_out.hidden)),
+            (report_transparent::REGISTER, count(report.left_out.transparent)),
+            (report_blocks::REGISTER, count(report.left_out.blocks)),
+            (report_blocks_left_out::REGISTER, count(report.left_out.blocks_left_out)),
+            (report_rays_finished::REGISTER, count(report.left_out.rays_finished)),
         ];
         words.into_iter().for_each(|(register, word)| self.registers.set_at(register, place, word));
     }

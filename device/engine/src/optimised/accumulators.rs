@@ -53,12 +53,15 @@ pub const fn no_extreme(blend: BlendMode) -> i16 {
 }
 
 impl Accumulators {
-    /// Empties the accumulators of `rows` rows.
-    pub fn clear(&mut self, layout: Layout, blend: BlendMode, rows: usize) {
+    /// Empties the accumulators of `rows` rows of `columns` rays.
+    pub fn clear(&mut self, layout: Layout, blend: BlendMode, rows: usize, columns: usize) {
         self.layout = layout;
         let mut empty = [Channel([0; ROW]); CHANNELS];
         if matches!(blend, BlendMode::Maximum | BlendMode::Minimum) {
-            empty[EXTREME].0.fill(no_extreme(blend).cast_unsigned());
+            // No sample beats what lies beside the base plane.
+            let unbeaten = if blend == BlendMode::Minimum { -1 } else { i16::MAX };
+            empty[EXTREME].0.fill(unbeaten.cast_unsigned());
+            empty[EXTREME].0[MARGIN..MARGIN + columns].fill(no_extreme(blend).cast_unsigned());
         }
         self.planes.clear();
         self.rays.clear();
@@ -117,6 +120,25 @@ impl Accumulators {
                 Ray { color: [r, g, b], alpha, samples, ..Ray::default() }
             }
         }
+    }
+
+    /// The rays from `column` on, a vector of them, whose opacity is less than `limit`: the first one as the lowest
+    /// bit. Not for sums.
+    #[inline(always)]
+    pub fn less_opaque<S: Simd>(&self, simd: S, row: usize, column: usize, limit: u16) -> u64 {
+        let at = MARGIN + column.min(BASE_PLANE_SIZE as usize);
+        let mut copy = [0; MOST_LANES];
+        let opacity = match self.layout {
+            Layout::Rays => {
+                let rays = &self.rays[row].0[at..at + S::LANES];
+                copy.iter_mut().zip(rays).for_each(|(opacity, ray)| *opacity = ray[ALPHA]);
+                copy.as_ptr()
+            }
+            _ => self.planes[row][ALPHA].0[at..at + S::LANES].as_ptr(),
+        };
+        // SAFETY: a vector of opacities lies there.
+        let opacity = unsafe { simd.load(opacity) };
+        simd.bits(simd.greater(simd.splat(limit.cast_signed()), opacity))
     }
 
     /// R, G, B and opacity of the rays of a row, 12 bits each.

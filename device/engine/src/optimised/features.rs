@@ -1,8 +1,10 @@
 //! What the pipeline of a frame consists of.
 
 use super::accumulators::Layout;
+use super::omissions::allowed;
 use crate::frame::FrameDescription;
 use vg500_regs::BlendMode;
+use vg500_regs::table::report_omitted as omitted;
 
 /// The stages between interpolation and compositing, and how the last one accumulates.
 ///
@@ -20,24 +22,32 @@ pub struct Features {
     pub premultiplied: bool,
     /// Whether samples have a factor of opacity of their own: the cut plane.
     pub cut: bool,
+    /// Whether every sample is classified in MIP and MinIP, even if only the value of the extreme one counts.
+    pub classified: bool,
     /// How samples accumulate.
     pub blend: BlendMode,
 }
 
 impl Features {
-    /// The features of a frame.
+    /// The features of a frame: what it needs, and what it does not allow to leave out.
     #[must_use]
     pub fn of(frame: &FrameDescription) -> Self {
         let needs = frame.needs();
+        let allowed = |omission| allowed(frame, omission);
         let accumulates = matches!(frame.output.blend, BlendMode::Alpha | BlendMode::Sum);
-        let diffuse = frame.illumination.diffuse != 0;
+        let diffuse = frame.illumination.diffuse != 0 || !allowed(omitted::ILLUMINATION);
+        let specular = needs.specular || !allowed(omitted::ILLUMINATION) || !allowed(omitted::SPECULAR);
+        let magnitude = needs.magnitude || !allowed(omitted::GRADIENT) || !allowed(omitted::MODULATION);
         let cut = needs.cut && frame.output.blend == BlendMode::Alpha;
         Self {
             diffuse,
-            specular: needs.specular,
-            magnitude: needs.magnitude,
-            premultiplied: accumulates && !(diffuse || needs.specular || needs.opacity_modulation || cut),
+            specular,
+            magnitude,
+            premultiplied: accumulates
+                && !(diffuse || specular || magnitude || cut)
+                && allowed(omitted::PREMULTIPLICATION),
             cut,
+            classified: !allowed(omitted::CLASSIFICATION),
             blend: frame.output.blend,
         }
     }
@@ -58,6 +68,13 @@ impl Features {
             BlendMode::Alpha if self.premultiplied => Layout::Rays,
             _ => Layout::Planes,
         }
+    }
+
+    /// Whether of MIP and MinIP only extreme values are kept; what they look like is looked up for complete rays.
+    #[inline(always)]
+    #[must_use]
+    pub const fn extremes_only(self) -> bool {
+        matches!(self.blend, BlendMode::Maximum | BlendMode::Minimum) && !self.gradient() && !self.classified
     }
 
     /// Whether gradients are needed.
@@ -115,5 +132,6 @@ const LIT: Features = Features {
     magnitude: false,
     premultiplied: false,
     cut: false,
+    classified: false,
     blend: BlendMode::Alpha,
 };

@@ -6,7 +6,8 @@ use vg500_regs::limit::VOLUME_SIZE;
 
 /// Words before the first and behind the last voxel: a whole vector, so that edges need no case of their own.
 const MARGIN: usize = MOST_LANES;
-const VOXELS: usize = VOLUME_SIZE as usize;
+/// Words between the margins.
+pub const VOXELS: usize = VOLUME_SIZE as usize;
 
 /// A row of up to 256 words with a margin on both sides. Word 0 lies at the beginning of a cache line.
 #[derive(Clone, Debug)]
@@ -34,7 +35,7 @@ impl Line {
     #[inline(always)]
     pub fn blocks(range: Range<usize>, lanes: usize) -> impl ExactSizeIterator<Item = Block> + Clone {
         let first = range.start / lanes;
-        let end = range.end.min(VOXELS).div_ceil(lanes);
+        let end = if range.is_empty() { first } else { range.end.min(VOXELS).div_ceil(lanes) };
         (first..end).map(move |block| Block(block * lanes))
     }
 
@@ -97,6 +98,13 @@ impl Line {
         let last = self.get(end - 1);
         self.set(end, last);
         self.set(end + 1, last);
+    }
+
+    /// The words from 0 on.
+    #[inline(always)]
+    #[must_use]
+    pub fn words(&self) -> &[u16] {
+        &self.0[MARGIN..MARGIN + VOXELS]
     }
 
     /// The words from 0 on, to be filled.

@@ -2,7 +2,9 @@
 //!
 //! 1. [`prepared`]: what the tiles of a frame share: [`features`], [`slices`], [`tables`].
 //! 2. [`pool`]: threads take tiles, each some rows of the base plane.
-//! 3. [`tile`]: marches a tile through the volume, slice by slice and row by row.
+//! 3. [`tile`]: marches a tile through the volume, slice by slice and row by row. What [`omissions`] allow to leave
+//!    out, [`decisions`] leave out by [`cells`]: by the [`ranges`] of voxels, [`finished`] rays, and what is
+//!    [`visible`].
 //! 4. [`staging`]: voxel rows stream from [`volume`] into the working format, in cache.
 //! 5. [`lanes`]: the stages of the pipeline on vectors, written once for every [`simd`] level.
 //! 6. [`accumulators`], then [`store`]: rays, and the pixels that they become.
@@ -11,12 +13,17 @@
 //! the number of threads: a ray belongs to one tile, and its samples are composited in order.
 
 pub mod accumulators;
+mod cells;
 mod cursor;
+mod decisions;
 pub mod features;
+mod finished;
 mod lanes;
 mod line;
+mod omissions;
 mod pool;
 mod prepared;
+mod ranges;
 mod reciprocal;
 pub mod simd;
 mod slices;
@@ -29,17 +36,18 @@ mod volume;
 
 use crate::plan::Plan;
 use crate::reference::first_rays;
-use crate::render::{Cancel, Memories, Task};
+use crate::render::{Cancel, LeftOut, Memories, Task};
 use core::ops::Range;
 use core::sync::atomic::{AtomicUsize, Ordering};
 use crc32fast::Hasher;
-use features::{Features, General, Lit, Specialisation, Unlit};
+use features::{General, Lit, Specialisation, Unlit};
 use pool::Pool;
 use prepared::Prepared;
 use simd::{Level, Simd, Work};
 use std::sync::Mutex;
 use tile::Scratch;
 use vg500_regs::Fault;
+use vg500_regs::table::report_omitted;
 
 /// The optimised renderer with its threads.
 #[derive(Debug)]
@@ -67,14 +75,14 @@ impl Optimised {
         self.pool.threads()
     }
 
-    /// Renders a frame into pixel memory; returns the checksum of its pixels.
+    /// Renders a frame into pixel memory.
     pub fn render(
         &self,
         task: &Task,
         plan: &Plan,
         memories: Memories<'_>,
         cancel: &Cancel,
-    ) -> Result<u32, Fault> {
+    ) -> Result<Drawn, Fault> {
         let first_rays = match task.frame.output.accumulators {
             Some(_) => Some(first_rays(&task.frame, plan, memories.pixel)?),
             None => None,
@@ -82,7 +90,7 @@ impl Optimised {
         let prepared = Prepared::new(task, plan, memories, first_rays);
         let tiles = prepared.tiles(self.threads());
         let next = AtomicUsize::new(0);
-        let results: Vec<Mutex<Option<Result<Hasher, Fault>>>> =
+        let results: Vec<Mutex<Option<<Tile<'_, '_> as Work>::Output>>> =
             tiles.iter().map(|_| Mutex::default()).collect();
         self.pool.run(&|scratch| {
             while let place = next.fetch_add(1, Ordering::Relaxed)
@@ -94,14 +102,31 @@ impl Optimised {
             }
         });
         let mut checksum = Hasher::new();
+        let mut left_out = LeftOut::default();
         for result in results {
             let done = result.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
             if let Some(part) = done {
-                checksum.combine(&part?);
+                let (part, by_tile) = part?;
+                checksum.combine(&part);
+                left_out += by_tile;
             }
         }
-        Ok(checksum.finalize())
+        let specialised = specialised(&prepared);
+        let omitted = omissions::of_plan(&task.frame, prepared.features, specialised, &prepared.slices)
+            | omissions::by_the_data(&prepared.omissions, &left_out);
+        Ok(Drawn { checksum: checksum.finalize(), omitted, left_out })
     }
+}
+
+/// What came of a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Drawn {
+    /// Checksum of its pixels.
+    pub checksum: u32,
+    /// What was left out: bits of the register `REPORT_OMITTED`.
+    pub omitted: u32,
+    /// How much that was.
+    pub left_out: LeftOut,
 }
 
 /// A tile to render.
@@ -113,29 +138,40 @@ struct Tile<'a, 'b> {
 }
 
 impl Work for Tile<'_, '_> {
-    type Output = Result<Hasher, Fault>;
+    type Output = Result<(Hasher, LeftOut), Fault>;
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) -> Self::Output {
         store::begin(self.prepared, &self.rows, &mut self.scratch.accumulators);
-        if !self.prepared.frame.output.cursor_only {
-            let features = self.prepared.features;
-            match features {
-                _ if is(features, Unlit) => self.march(simd, Unlit)?,
-                _ if is(features, Lit::<false, false>) => self.march(simd, Lit::<false, false>)?,
-                _ if is(features, Lit::<false, true>) => self.march(simd, Lit::<false, true>)?,
-                _ if is(features, Lit::<true, false>) => self.march(simd, Lit::<true, false>)?,
-                _ if is(features, Lit::<true, true>) => self.march(simd, Lit::<true, true>)?,
-                _ => self.march(simd, General)?,
-            }
+        self.scratch.decisions.left_out = LeftOut::default();
+        let prepared = self.prepared;
+        match () {
+            () if prepared.frame.output.cursor_only => {}
+            () if !specialised(prepared) => self.march(simd, General)?,
+            () if is(prepared, Unlit) => self.march(simd, Unlit)?,
+            () if is(prepared, Lit::<false, false>) => self.march(simd, Lit::<false, false>)?,
+            () if is(prepared, Lit::<false, true>) => self.march(simd, Lit::<false, true>)?,
+            () if is(prepared, Lit::<true, false>) => self.march(simd, Lit::<true, false>)?,
+            () => self.march(simd, Lit::<true, true>)?,
         }
-        store::finish(self.prepared, &self.rows, &self.scratch.accumulators)
+        let checksum = store::finish(prepared, &self.rows, &self.scratch.accumulators)?;
+        Ok((checksum, self.scratch.decisions.left_out))
     }
 }
 
-/// Whether a specialisation was made for these features.
-fn is<Z: Specialisation>(features: Features, _: Z) -> bool {
-    Z::FEATURES == Some(features)
+/// Whether a specialisation was made for the features of a frame.
+fn is<Z: Specialisation>(prepared: &Prepared<'_>, _: Z) -> bool {
+    Z::FEATURES == Some(prepared.features)
+}
+
+/// Whether one of the specialisations draws a frame.
+fn specialised(prepared: &Prepared<'_>) -> bool {
+    let one = is(prepared, Unlit)
+        || is(prepared, Lit::<false, false>)
+        || is(prepared, Lit::<false, true>)
+        || is(prepared, Lit::<true, false>)
+        || is(prepared, Lit::<true, true>);
+    one && omissions::allowed(prepared.frame, report_omitted::DECISIONS)
 }
 
 impl Tile<'_, '_> {

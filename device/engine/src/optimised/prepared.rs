@@ -1,6 +1,7 @@
 //! A frame made ready: everything that its tiles share.
 
 use super::features::Features;
+use super::omissions::Omissions;
 use super::slices::{Slice, slices};
 use super::tables::{Classification, ReflectanceMap};
 use super::visible::Visible;
@@ -22,6 +23,8 @@ pub struct Prepared<'a> {
     pub frame: &'a FrameDescription,
     /// Its features.
     pub features: Features,
+    /// What is left out of it while its samples stream through.
+    pub omissions: Omissions,
     /// Its sample slices.
     pub slices: Vec<Slice>,
     /// Its voxels.
@@ -52,19 +55,24 @@ impl<'a> Prepared<'a> {
     pub fn new(task: &'a Task, plan: &Plan, memories: Memories<'a>, first_rays: Option<Vec<Ray>>) -> Self {
         let frame = &task.frame;
         let features = Features::of(frame);
-        let mirrored = frame.illumination.eye.map(|component| features.specular && component < 0);
+        // Reflection counts on an eye vector of unit length; a frame without highlights need not have one.
+        let eye = if frame.needs().specular { frame.illumination.eye } else { [0, 0, i16::MAX] };
+        let mirrored = eye.map(|component| features.specular && component < 0);
+        let slices = slices(frame, plan);
+        let classification = classification(task, features);
         Self {
             frame,
             features,
-            slices: slices(frame, plan),
+            omissions: Omissions::new(frame, &slices, &classification),
+            slices,
             volume: Volume::new(frame, memories.voxel),
             visible: Visible::new(frame),
-            classification: classification(task, features),
+            classification,
             diffuse: ReflectanceMap::mirrored(&task.tables.diffuse, mirrored),
             specular: ReflectanceMap::mirrored(&task.tables.specular, mirrored),
             factors: core::array::from_fn(|entry| task.tables.gradient_magnitude[entry]),
             mirrored,
-            eye: frame.illumination.eye.map(i16::saturating_abs),
+            eye: eye.map(i16::saturating_abs),
             pixels: memories.pixel,
             first_rays,
         }

@@ -2,6 +2,7 @@
 //! read once from voxel memory for a tile.
 
 use super::line::Line;
+use super::ranges::Ranges;
 use super::simd::Simd;
 use super::volume::{Lines, Volume};
 use core::ops::Range;
@@ -14,6 +15,10 @@ const WINDOW: usize = 4;
 pub struct Staging {
     lines: Vec<Line>,
     slots: Vec<Slot>,
+    /// The ranges of the voxels of each slot.
+    ranges: Vec<Ranges>,
+    /// Whether ranges are measured.
+    measuring: bool,
     /// Lines of a slot.
     capacity: usize,
 }
@@ -24,6 +29,8 @@ struct Slot {
     slice: Option<usize>,
     /// The rows of it.
     rows: Range<usize>,
+    /// Whether the ranges of its voxels are known.
+    measured: bool,
 }
 
 impl Staging {
@@ -32,12 +39,27 @@ impl Staging {
         let slots = volume.slices_at_once() + WINDOW - 1;
         self.slots.clear();
         self.slots.resize(slots, Slot::default());
+        self.ranges.resize_with(self.ranges.len().max(slots), Ranges::default);
+        self.measuring = false;
         // Odd, so that the same row of all slots does not fall into the same few places of the cache.
         let rows = rows | 1;
         self.capacity = rows;
         if self.lines.len() < slots * rows {
             self.lines.resize(slots * rows, Line::ZERO);
         }
+    }
+
+    /// Whether to measure the ranges of the voxels that come in from now on.
+    pub const fn measure(&mut self, measuring: bool) {
+        self.measuring = measuring;
+    }
+
+    /// The ranges of the voxels of a slice that is there, if they were measured.
+    #[inline(always)]
+    #[must_use]
+    pub fn ranges(&self, slice: usize) -> Option<&Ranges> {
+        let place = slice % self.slots.len();
+        self.slots[place].measured.then(|| &self.ranges[place])
     }
 
     /// Brings a slice in, unless it is there, with those that come along with it. `rows` tells the rows that are
@@ -70,7 +92,7 @@ impl Staging {
         let rows = rows.start..rows.end.min(rows.start + self.capacity);
         for slice in slices.clone() {
             let place = slice % self.slots.len();
-            self.slots[place] = Slot { slice: Some(slice), rows: rows.clone() };
+            self.slots[place] = Slot { slice: Some(slice), rows: rows.clone(), measured: self.measuring };
         }
         let mut lines = Lines {
             lines: &mut self.lines,
@@ -78,7 +100,14 @@ impl Staging {
             slots: self.slots.len(),
             first_row: rows.start,
         };
-        volume.load(simd, rows, slices, &mut lines);
+        volume.load(simd, rows.clone(), slices.clone(), &mut lines);
+        if self.measuring {
+            for slice in slices {
+                let place = slice % self.slots.len();
+                let lines = &self.lines[place * self.capacity..][..rows.len()];
+                self.ranges[place].measure(simd, lines, &rows, volume.size[0]);
+            }
+        }
     }
 
     /// The slices around a sample slice: `slices` are one before, below, above and one behind.

@@ -14,7 +14,8 @@ use vg500_regs::{BlendMode, Fault, FaultCode, PlaneFormat, table};
 /// Loads what the rays of a tile begin with.
 pub fn begin(prepared: &Prepared<'_>, rows: &Range<u32>, accumulators: &mut Accumulators) {
     let blend = prepared.frame.output.blend;
-    accumulators.clear(prepared.features.layout(), blend, rows.len());
+    let columns = prepared.frame.rays.size[0] as usize;
+    accumulators.clear(prepared.features.layout(), blend, rows.len(), columns);
     for (place, row) in rows.clone().enumerate() {
         for (column, ray) in first_rays(prepared, row).iter().flatten().enumerate() {
             accumulators.set(place, column, ray);
@@ -101,7 +102,7 @@ fn rays(prepared: &Prepared<'_>, accumulators: &Accumulators, place: usize, row:
         let unchanged = if first.valid { first.extreme } else { no_extreme(blend).cast_unsigned() };
         match extreme == unchanged {
             true => first,
-            false if prepared.features.gradient() => accumulators.ray(blend, place, column),
+            false if !prepared.features.extremes_only() => accumulators.ray(blend, place, column),
             false => prepared.classification.ray(extreme),
         }
     });

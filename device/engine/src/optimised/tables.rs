@@ -34,12 +34,50 @@ impl Classification {
         self.0.as_ptr()
     }
 
+    /// The greatest opacity.
+    #[must_use]
+    pub fn most_opaque(&self) -> u16 {
+        self.0.iter().fold(0, |most, entry| most.max((entry >> 48) as u16))
+    }
+
     /// The ray that a sample of `value` (12 bits) makes alone in MIP and MinIP.
     #[must_use]
     pub fn ray(&self, value: u16) -> Ray {
         let entry = self.0[usize::from(value & FULL)];
         let channel = |shift| (entry >> shift) as u32 & 0xffff;
         Ray { color: [0, 16, 32].map(channel), alpha: channel(48), extreme: value, valid: true, samples: 0 }
+    }
+}
+
+/// Which ranges of sample values hold any that is not transparent.
+#[derive(Debug)]
+pub struct Opaque(Box<[u16; LOOKUP_ENTRIES + 1]>);
+
+impl Opaque {
+    /// For a table.
+    #[must_use]
+    pub fn new(table: &Classification) -> Self {
+        // How many opaque values lie below each value.
+        let mut below = Box::new([0; LOOKUP_ENTRIES + 1]);
+        let mut count = 0;
+        for (place, entry) in below.iter_mut().zip(&table.0) {
+            *place = count;
+            count += u16::from(entry >> 48 != 0);
+        }
+        Self(below)
+    }
+
+    /// Whether any value of `least..=greatest` is.
+    #[inline(always)]
+    #[must_use]
+    pub fn any(&self, [least, greatest]: [u16; 2]) -> bool {
+        self.0[usize::from(greatest & FULL) + 1] != self.0[usize::from(least & FULL)]
+    }
+
+    /// Whether all values are.
+    #[must_use]
+    pub fn all(&self) -> bool {
+        usize::from(self.0[LOOKUP_ENTRIES]) == LOOKUP_ENTRIES
     }
 }
 

@@ -1,10 +1,12 @@
 //! A tile: some rows of the base plane, marched through all slices.
 
-use super::accumulators::Accumulators;
+use super::accumulators::{Accumulators, Layout};
 use super::cursor;
-use super::features::Specialisation;
-use super::lanes::interpolate::{along_z_and_y, differences_along_z_and_y, samples};
-use super::lanes::shade::{SampleRow, Shader, keep_values};
+use super::decisions::Decisions;
+use super::features::{Features, Specialisation};
+use super::finished::Finished;
+use super::lanes::interpolate::{Weights, along_z_and_y, differences_along_z_and_y, samples};
+use super::lanes::shade::{SampleRow, Shader};
 use super::line::Line;
 use super::prepared::Prepared;
 use super::simd::{Simd, each};
@@ -32,6 +34,9 @@ pub struct Scratch {
     staging: Staging,
     /// The rays of the tile.
     pub accumulators: Accumulators,
+    /// What is worth computing.
+    pub decisions: Decisions,
+    finished: Finished,
     rows: Box<Rows>,
 }
 
@@ -43,7 +48,15 @@ struct Rows {
     /// Differences along z, by row modulo the ring.
     differences: [Line; RING],
     samples: [Line; RING],
-    factors: Line,
+    /// What can be seen of each row of the tile.
+    factors: Vec<Factors>,
+}
+
+/// What can be seen of a row.
+#[derive(Clone, Debug)]
+struct Factors {
+    seen: Seen,
+    line: Line,
 }
 
 impl Default for Rows {
@@ -52,7 +65,7 @@ impl Default for Rows {
             line: Line::ZERO,
             differences: [Line::ZERO; RING],
             samples: [Line::ZERO; RING],
-            factors: Line::ZERO,
+            factors: Vec::new(),
         }
     }
 }
@@ -69,70 +82,115 @@ pub fn march<S: Simd, Z: Specialisation>(
 ) -> Result<(), Fault> {
     let features = specialisation.features(prepared.features);
     let tile = Tile { prepared, rows, margin: i32::from(features.gradient()) };
-    scratch.staging.begin(&prepared.volume, tile.staged_rows());
+    let Scratch { staging, accumulators, decisions, finished, rows } = scratch;
+    staging.begin(&prepared.volume, tile.staged_rows());
+    tile.begin_decisions::<S>(features, decisions, finished);
     let shader = Shader::new(simd, specialisation, prepared);
-    let extremes_only =
-        !features.gradient() && matches!(features.blend, BlendMode::Maximum | BlendMode::Minimum);
     for slice in &prepared.slices {
         let rays = tile.rays(slice);
         if rays.is_empty() || slice.x.rays.is_empty() {
             continue;
         }
         cancel.check()?;
-        tile.stage(simd, slice, &mut scratch.staging);
         let voxels = slice.x.voxels(&slice.x.rays);
         // Rays with a sample have a voxel below it.
         let span = voxels.start as usize..voxels.end as usize;
-        let Scratch { staging, accumulators, rows } = &mut *scratch;
-        let window = tile.window(slice, staging);
+        if features.blend == BlendMode::Alpha {
+            tile.cursor(slice, &rays, &span, accumulators);
+        }
+        decisions.begin(tile.places(&rays), &span);
+        tile.hide(slice, &rays, &span, decisions, rows);
+        if prepared.omissions.finished.is_some() {
+            finished.look(simd, accumulators);
+            decisions.finish(finished, slice.x.first);
+        }
+        if decisions.nothing() {
+            continue;
+        }
+        staging.measure(decisions.wants_ranges(&prepared.omissions));
+        tile.stage(simd, slice, staging);
+        tile.empty(simd, slice, staging, decisions, accumulators);
+        if !decisions.nothing() {
+            let sampled = Sampled { tile: &tile, slice, rays, span, window: tile.window(slice, staging) };
+            sampled.composite(simd, features, &shader, (decisions, rows, accumulators));
+        }
+    }
+    decisions.left_out.rays_finished =
+        if prepared.omissions.finished.is_some() { finished.count() } else { 0 };
+    Ok(())
+}
+
+/// A slice of samples of a tile whose voxels are there.
+struct Sampled<'a> {
+    tile: &'a Tile<'a>,
+    slice: &'a Slice,
+    /// The rows that have samples.
+    rays: Range<i32>,
+    /// The voxels below samples.
+    span: Range<usize>,
+    window: Window<'a>,
+}
+
+impl Sampled<'_> {
+    /// Composites what of the slice is worth it, row by row.
+    #[inline(always)]
+    fn composite<S: Simd, Z: Specialisation>(
+        &self,
+        simd: S,
+        features: Features,
+        shader: &Shader<'_, S, Z>,
+        (decisions, rows, accumulators): (&mut Decisions, &mut Rows, &mut Accumulators),
+    ) {
+        let Self { tile, slice, .. } = self;
+        let prepared = tile.prepared;
         let [width, ..] = prepared.volume.size;
-        let weights = [slice.weight, slice.y.weight];
-        for ray in rays.start - tile.margin..rays.end + tile.margin {
+        let [x_leave_out, y_leave_out, z_leave_out] = prepared.omissions.interpolation;
+        let weights =
+            Weights { z_and_y: [slice.weight, slice.y.weight], leave_out: [z_leave_out, y_leave_out] };
+        let along_x = (slice.x.weight, x_leave_out);
+        for ray in self.rays.start - tile.margin..self.rays.end + tile.margin {
             let voxel_y = ray + slice.y.first;
-            let corners = [window.rows(1, voxel_y), window.rows(2, voxel_y)];
-            let line = along_z_and_y(simd, corners, weights, width, &mut rows.line);
+            let corners = [self.window.rows(1, voxel_y), self.window.rows(2, voxel_y)];
+            let own = decisions.row(tile.place(ray));
+            let mut line = corners[0][0];
             // With gradients a row waits for the one behind it.
             let ready = ray - tile.margin;
+            let cells = decisions.row(tile.place(ready));
             if features.gradient() {
-                samples(simd, line, slice.x.weight, width, &mut rows.samples[place(ray)]);
-                if rays.contains(&ray) {
-                    let before = [window.rows(0, voxel_y), corners[0]];
-                    let behind = [corners[1], window.rows(3, voxel_y)];
+                let before = decisions.row(tile.place(ray - 1));
+                let behind = decisions.row(tile.place(ray + 1));
+                let wanted = own.or(before).or(behind).with_neighbours();
+                if !wanted.is_empty() {
+                    line = along_z_and_y(simd, corners, weights, wanted.with_next(), width, &mut rows.line);
+                    samples(simd, line, along_x, wanted, width, &mut rows.samples[place(ray)]);
+                }
+                if !own.is_empty() {
+                    let before = [self.window.rows(0, voxel_y), corners[0]];
+                    let behind = [corners[1], self.window.rows(3, voxel_y)];
                     let differences = &mut rows.differences[place(ray)];
-                    differences_along_z_and_y(simd, before, behind, weights, width, differences);
+                    differences_along_z_and_y(simd, before, behind, weights, own.with_next(), differences);
                 }
-                if ready < rays.start {
-                    continue;
-                }
+            } else if !own.is_empty() {
+                line = along_z_and_y(simd, corners, weights, own.with_next(), width, &mut rows.line);
             }
-            let voxel_y = ready + slice.y.first;
-            let ray_row = (ready - tile.rows.start.cast_signed()) as usize;
-            if features.blend == BlendMode::Alpha {
-                tile.cursor(slice, voxel_y, &span, ray_row, accumulators);
-            }
-            let seen = match &prepared.visible {
-                Some(visible) => visible.row(slice, voxel_y, &span, &mut rows.factors),
-                None => Seen::All,
-            };
-            if seen == Seen::None {
+            if cells.is_empty() {
                 continue;
             }
+            let ray_row = tile.place(ready) as usize;
+            let factors = prepared.visible.is_some().then(|| &rows.factors[ray_row]);
             let row = SampleRow {
                 line,
                 samples: each!([-1, 0, 1], |next| &rows.samples[place(ready + next)]),
                 differences: &rows.differences[place(ready)],
-                x_weight: slice.x.weight,
-                factors: (seen == Seen::Factors).then_some(&rows.factors),
+                x_weight: along_x,
+                factors: factors.filter(|row| row.seen == Seen::Factors).map(|row| &row.line),
+                cells,
+                span: &self.span,
             };
-            let first = slice.x.first;
-            if extremes_only {
-                keep_values(simd, features.blend, &row, &span, &mut accumulators.row(ray_row, first));
-            } else {
-                shader.composite(&row, &span, accumulators, ray_row, first);
-            }
+            let transparent = shader.composite(&row, accumulators, ray_row, slice.x.first);
+            decisions.left_out.transparent += transparent;
         }
     }
-    Ok(())
 }
 
 /// A tile of a frame.
@@ -205,23 +263,94 @@ impl Tile<'_> {
         staging.window(each!([-margin, 0, 1, 1 + margin], |z| self.inside(slice.below + z)))
     }
 
-    /// Blends the cursor's samples of a row in front of the volume's.
-    fn cursor(
+    /// Place of a row of rays in the tile; outside of 0..rows for its neighbours.
+    #[inline(always)]
+    const fn place(&self, ray: i32) -> i32 {
+        ray - self.rows.start.cast_signed()
+    }
+
+    /// Places of rows of rays of the tile.
+    fn places(&self, rays: &Range<i32>) -> Range<usize> {
+        self.place(rays.start) as usize..self.place(rays.end) as usize
+    }
+
+    /// Nothing is decided yet.
+    fn begin_decisions<S: Simd>(
+        &self,
+        features: Features,
+        decisions: &mut Decisions,
+        finished: &mut Finished,
+    ) {
+        decisions.begin_tile(self.rows.len(), S::LANES);
+        if let Some(opacity) = self.prepared.omissions.finished {
+            // To look at rays that lie next to each other channel by channel takes as long as some unlit samples.
+            let interval = if features.layout() == Layout::Rays { 8 } else { 2 };
+            finished.begin(self.rows.len(), self.prepared.frame.rays.size[0] as usize, opacity, interval);
+        }
+    }
+
+    /// Decides what of each row can be seen.
+    fn hide(
         &self,
         slice: &Slice,
-        voxel_y: i32,
+        rays: &Range<i32>,
         span: &Range<usize>,
-        ray_row: usize,
+        decisions: &mut Decisions,
+        rows: &mut Rows,
+    ) {
+        let Some(visible) = &self.prepared.visible else { return };
+        rows.factors.resize(self.rows.len(), Factors { seen: Seen::All, line: Line::ZERO });
+        for ray in rays.clone() {
+            let row = self.place(ray) as usize;
+            let Factors { seen, line } = &mut rows.factors[row];
+            *seen = visible.row(slice, ray + slice.y.first, span, line);
+            if self.prepared.omissions.hidden || *seen == Seen::None {
+                decisions.hide(row, seen, line);
+            }
+        }
+    }
+
+    /// Leaves out what its voxels show to be in vain.
+    #[inline(always)]
+    fn empty<S: Simd>(
+        &self,
+        simd: S,
+        slice: &Slice,
+        staging: &Staging,
+        decisions: &mut Decisions,
         accumulators: &mut Accumulators,
     ) {
+        let omissions = &self.prepared.omissions;
+        if omissions.empty.is_none() && !omissions.beaten {
+            return;
+        }
+        let below = self.inside(slice.below);
+        let above = if slice.weight == 0 { below } else { self.inside(slice.below + 1) };
+        let first_row = self.rows.start.cast_signed() + slice.y.first;
+        let blend = self.prepared.frame.output.blend;
+        decisions.empty(
+            simd,
+            omissions,
+            [below, above],
+            staging,
+            (slice.x.first, first_row),
+            (blend, accumulators),
+        );
+    }
+
+    /// Blends the cursor's samples on a slice in front of the volume's.
+    fn cursor(&self, slice: &Slice, rays: &Range<i32>, span: &Range<usize>, accumulators: &mut Accumulators) {
         let frame = self.prepared.frame;
         let Some(cursor) = &frame.visibility.cursor else { return };
-        cursor::row(frame, cursor, slice, voxel_y, span, |voxel, sample| {
-            let column = (voxel as i32 - slice.x.first) as usize;
-            let mut ray = accumulators.ray(BlendMode::Alpha, ray_row, column);
-            ray.blend(BlendMode::Alpha, 0, sample);
-            accumulators.set(ray_row, column, &ray);
-        });
+        for ray in rays.clone() {
+            let ray_row = self.place(ray) as usize;
+            cursor::row(frame, cursor, slice, ray + slice.y.first, span, |voxel, sample| {
+                let column = (voxel as i32 - slice.x.first) as usize;
+                let mut ray = accumulators.ray(BlendMode::Alpha, ray_row, column);
+                ray.blend(BlendMode::Alpha, 0, sample);
+                accumulators.set(ray_row, column, &ray);
+            });
+        }
     }
 }
 

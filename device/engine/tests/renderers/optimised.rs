@@ -41,6 +41,7 @@ pub fn compare(card: &mut Card, scene: &Scene) {
                     (found.samples, found.cycles),
                     "{name}: {scene:?}"
                 );
+                assert_eq!(found.processed + found.left_out.samples(), found.samples, "{name}: {scene:?}");
                 if card.pixels != drawn {
                     show_difference(card, scene, &drawn, name);
                 }
@@ -113,6 +114,9 @@ pub fn random_scene(chance: &mut Chance, store: Store) -> Scene {
     }
     scene.illumination = random_illumination(chance);
     random_visibility(chance, &mut scene);
+    if one_in(chance, 2) {
+        scene.keep = chance.word() as u32;
+    }
     scene
 }
 

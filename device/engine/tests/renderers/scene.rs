@@ -38,6 +38,8 @@ pub struct Scene {
     pub cursor_only: bool,
     /// Whether it is rendered in sections.
     pub sections: bool,
+    /// What is not to be left out: the register `KEEP`.
+    pub keep: u32,
 }
 
 impl Scene {
@@ -62,6 +64,7 @@ impl Scene {
             accumulators: None,
             cursor_only: false,
             sections: false,
+            keep: 0,
         }
     }
 
@@ -169,6 +172,7 @@ impl Scene {
         registers.set(output::PLANE_FORMAT, self.format as u32);
         registers.set(output::CURSOR_ONLY, self.cursor_only.into());
         registers.set(output::SECTIONS, self.sections.into());
+        registers.set(keep::OMISSIONS, self.keep);
         registers.set(start::PLANE, self.plane);
     }
 }

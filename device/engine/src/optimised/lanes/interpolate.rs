@@ -1,5 +1,6 @@
 //! Interpolation of a row ([`crate::stage::interpolate`]): z, then y into a line, then x.
 
+use crate::optimised::cells::Cells;
 use crate::optimised::line::{Block, Line};
 use crate::optimised::simd::{Simd, SimdExt, each};
 
@@ -12,30 +13,51 @@ pub fn weight<S: Simd>(simd: S, weight: i16) -> S::Words {
 /// Rows above and below a sample row in two slices: `rows[z][y]`.
 pub type Corners<'a> = [[&'a Line; 2]; 2];
 
-/// Interpolates the rows around a sample row along z and y, into `line` unless it is one of them. Weights that are
-/// zero leave their interpolation out.
+/// How the rows around a sample row become one.
+#[derive(Clone, Copy, Debug)]
+pub struct Weights {
+    /// Weights of the slice and of the row behind, 8 fraction bits.
+    pub z_and_y: [i16; 2],
+    /// Along which of these axes a weight of zero leaves the interpolation out.
+    pub leave_out: [bool; 2],
+}
+
+impl Weights {
+    /// Along which axes there is something to interpolate. Along z alone it is not worth a case of its own.
+    #[inline(always)]
+    const fn needed(self) -> [bool; 2] {
+        let [z, y] = self.z_and_y;
+        let z = z != 0 || !self.leave_out[0];
+        [z, z || y != 0 || !self.leave_out[1]]
+    }
+}
+
+/// Interpolates cells of the rows around a sample row along z and y, into `line` unless it is one of them.
 #[inline(always)]
 pub fn along_z_and_y<'a, S: Simd>(
     simd: S,
     rows: Corners<'a>,
-    weights: [i16; 2],
+    weights: Weights,
+    cells: Cells,
     voxels: usize,
     line: &'a mut Line,
 ) -> &'a Line {
-    let [z, y] = [weight(simd, weights[0]), weight(simd, weights[1])];
-    match weights {
-        [0, 0] => return rows[0][0],
-        [0, _] => {
-            for block in simd.blocks(0..voxels) {
-                let [above, below] = [rows[0][0].load(simd, block), rows[0][1].load(simd, block)];
-                line.store(simd, block, simd.lerp(above, below, y));
-            }
-        }
-        _ => {
-            for block in simd.blocks(0..voxels) {
+    let needed = weights.needed();
+    if needed == [false; 2] {
+        return rows[0][0];
+    }
+    let [z, y] = each!([0, 1], |axis| weight(simd, weights.z_and_y[axis]));
+    for run in cells.runs() {
+        if needed[0] {
+            for block in simd.blocks(run) {
                 let [above, below] = each!([0, 1], |row| {
                     simd.lerp(rows[0][row].load(simd, block), rows[1][row].load(simd, block), z)
                 });
+                line.store(simd, block, simd.lerp(above, below, y));
+            }
+        } else {
+            for block in simd.blocks(run) {
+                let [above, below] = [rows[0][0].load(simd, block), rows[0][1].load(simd, block)];
                 line.store(simd, block, simd.lerp(above, below, y));
             }
         }
@@ -51,31 +73,30 @@ pub fn differences_along_z_and_y<S: Simd>(
     simd: S,
     before: Corners<'_>,
     behind: Corners<'_>,
-    weights: [i16; 2],
-    voxels: usize,
+    weights: Weights,
+    cells: Cells,
     line: &mut Line,
 ) {
-    let [z, y] = [weight(simd, weights[0]), weight(simd, weights[1])];
-    match weights {
-        [0, 0] => {
-            for block in simd.blocks(0..voxels) {
-                line.store(simd, block, difference(simd, before[0][0], behind[0][0], block));
-            }
-        }
-        [0, _] => {
-            for block in simd.blocks(0..voxels) {
-                let [above, below] =
-                    each!([0, 1], |row| difference(simd, before[0][row], behind[0][row], block));
-                line.store(simd, block, simd.lerp(above, below, y));
-            }
-        }
-        _ => {
-            for block in simd.blocks(0..voxels) {
+    let needed = weights.needed();
+    let [z, y] = each!([0, 1], |axis| weight(simd, weights.z_and_y[axis]));
+    for run in cells.runs() {
+        if needed[0] {
+            for block in simd.blocks(run) {
                 let [above, below] = each!([0, 1], |row| {
                     let here = difference(simd, before[0][row], behind[0][row], block);
                     simd.lerp(here, difference(simd, before[1][row], behind[1][row], block), z)
                 });
                 line.store(simd, block, simd.lerp(above, below, y));
+            }
+        } else if needed[1] {
+            for block in simd.blocks(run) {
+                let [above, below] =
+                    each!([0, 1], |row| difference(simd, before[0][row], behind[0][row], block));
+                line.store(simd, block, simd.lerp(above, below, y));
+            }
+        } else {
+            for block in simd.blocks(run) {
+                line.store(simd, block, difference(simd, before[0][0], behind[0][0], block));
             }
         }
     }
@@ -99,17 +120,27 @@ pub fn unguard<S: Simd>(simd: S, value: S::Words) -> S::Words {
     simd.shift_right::<3>(simd.add(value, simd.splat(4)))
 }
 
-/// Interpolates a whole line along x into samples, with one on each side for gradients.
+/// Interpolates cells of a line along x into samples, with one on each side for gradients. A weight of zero leaves
+/// the interpolation out, if that is allowed.
 #[inline(always)]
-pub fn samples<S: Simd>(simd: S, line: &Line, x_weight: i16, voxels: usize, samples: &mut Line) {
+pub fn samples<S: Simd>(
+    simd: S,
+    line: &Line,
+    (x_weight, leave_out): (i16, bool),
+    cells: Cells,
+    voxels: usize,
+    samples: &mut Line,
+) {
     let x = weight(simd, x_weight);
-    if x_weight == 0 {
-        for block in simd.blocks(0..voxels) {
-            samples.store(simd, block, unguard(simd, line.load(simd, block)));
-        }
-    } else {
-        for block in simd.blocks(0..voxels) {
-            samples.store(simd, block, unguard(simd, along_x(simd, line, block, x)));
+    for run in cells.runs() {
+        if x_weight == 0 && leave_out {
+            for block in simd.blocks(run) {
+                samples.store(simd, block, unguard(simd, line.load(simd, block)));
+            }
+        } else {
+            for block in simd.blocks(run) {
+                samples.store(simd, block, unguard(simd, along_x(simd, line, block, x)));
+            }
         }
     }
     // The neighbours of the outermost samples lie between replicated voxels.

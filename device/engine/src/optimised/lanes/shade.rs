@@ -6,6 +6,7 @@ use super::interpolate::{along_x, unguard, weight};
 use super::light::Stretched;
 use super::{composite, composite::product};
 use crate::optimised::accumulators::{Accumulators, RayRow, Row, SumRow, no_extreme};
+use crate::optimised::cells::Cells;
 use crate::optimised::features::{Features, Specialisation};
 use crate::optimised::line::{Block, Line};
 use crate::optimised::prepared::Prepared;
@@ -26,6 +27,7 @@ pub struct Shader<'a, S: Simd, Z: Specialisation> {
     diffuse: S::Map,
     specular: S::Map,
     factors: S::Factors,
+    leave_out_transparent: bool,
 }
 
 /// A row of samples.
@@ -37,10 +39,30 @@ pub struct SampleRow<'a> {
     pub samples: [&'a Line; 3],
     /// With gradients: differences along z, interpolated along z and y.
     pub differences: &'a Line,
-    /// Weight along x.
-    pub x_weight: i16,
+    /// Weight along x, and whether zero leaves the interpolation out.
+    pub x_weight: (i16, bool),
     /// Factor of each sample's opacity, 0..=256, unless all are seen.
     pub factors: Option<&'a Line>,
+    /// The cells that are composited.
+    pub cells: Cells,
+    /// The voxels below samples.
+    pub span: &'a Range<usize>,
+}
+
+impl SampleRow<'_> {
+    /// Whether samples have to be interpolated along x.
+    #[inline(always)]
+    const fn interpolated(&self) -> bool {
+        let (weight, leave_out) = self.x_weight;
+        weight != 0 || !leave_out
+    }
+
+    /// The words of cells next to each other that have samples.
+    #[inline(always)]
+    fn runs(&self) -> impl Iterator<Item = Range<usize>> {
+        let Range { start, end } = self.span.clone();
+        self.cells.runs().map(move |run| run.start.max(start)..run.end.min(end))
+    }
 }
 
 impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
@@ -59,30 +81,34 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
             diffuse: simd.map(&prepared.diffuse),
             specular: simd.map(&prepared.specular),
             factors: simd.factors(&prepared.factors),
+            leave_out_transparent: prepared.omissions.transparent,
         }
     }
 
-    /// Composites the samples above the voxels `span` into the row of rays `ray_row`, whose column 0 has its
-    /// sample above voxel `first`.
+    /// Composites the samples of a row into the row of rays `ray_row`, whose column 0 has its sample above voxel
+    /// `first`; returns how many samples were not shaded because their vectors are transparent.
     #[inline(always)]
     pub fn composite(
         &self,
         row: &SampleRow<'_>,
-        span: &Range<usize>,
         accumulators: &mut Accumulators,
         ray_row: usize,
         first: i32,
-    ) {
+    ) -> u64 {
         match self.features().blend {
             BlendMode::Alpha if self.features().premultiplied => {
-                self.blend_premultiplied(row, span, &mut accumulators.ray_row(ray_row, first));
+                self.blend_premultiplied(row, &mut accumulators.ray_row(ray_row, first));
             }
-            BlendMode::Alpha => self.blend_alpha(row, span, &mut accumulators.row(ray_row, first)),
-            BlendMode::Sum => self.add_up(row, span, &mut accumulators.sum_row(ray_row, first)),
+            BlendMode::Alpha => return self.blend_alpha(row, &mut accumulators.row(ray_row, first)),
+            BlendMode::Sum => self.add_up(row, &mut accumulators.sum_row(ray_row, first)),
+            _ if self.features().extremes_only() => {
+                keep_values(self.simd, self.features().blend, row, &mut accumulators.row(ray_row, first));
+            }
             BlendMode::Maximum | BlendMode::Minimum => {
-                self.keep_extremes(row, span, &mut accumulators.row(ray_row, first));
+                self.keep_extremes(row, &mut accumulators.row(ray_row, first));
             }
         }
+        0
     }
 
     #[inline(always)]
@@ -92,83 +118,96 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
 
     /// Front-to-back blending of a row of samples that are looked up and blended as they are.
     #[inline(always)]
-    fn blend_premultiplied(&self, row: &SampleRow<'_>, span: &Range<usize>, rays: &mut RayRow<'_>) {
+    fn blend_premultiplied(&self, row: &SampleRow<'_>, rays: &mut RayRow<'_>) {
         let simd = self.simd;
-        let sampling = Sampling::new(simd, row, span, false);
-        for block in simd.blocks(span.clone()) {
-            let values = sampling.values(simd, block);
-            let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
-            // SAFETY: samples are within their voxels, of 12 bits, or TRANSPARENT.
-            unsafe { rays.blend(simd, block, self.table, seen) };
+        let sampling = Sampling::new(simd, row, false);
+        for run in row.runs() {
+            for block in simd.blocks(run) {
+                let values = sampling.values(simd, block);
+                let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
+                // SAFETY: samples are within their voxels, of 12 bits, or TRANSPARENT.
+                unsafe { rays.blend(simd, block, self.table, seen) };
+            }
         }
     }
 
     /// Front-to-back blending of a row.
     #[inline(always)]
-    fn blend_alpha(&self, row: &SampleRow<'_>, span: &Range<usize>, rays: &mut Row<'_>) {
+    fn blend_alpha(&self, row: &SampleRow<'_>, rays: &mut Row<'_>) -> u64 {
         let simd = self.simd;
+        let mut transparent = 0;
         let features = self.features();
-        let sampling = Sampling::new(simd, row, span, features.gradient());
-        for block in simd.blocks(span.clone()) {
-            let values = sampling.values(simd, block);
-            let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
-            // SAFETY: samples are within their voxels, of 12 bits, or TRANSPARENT.
-            let [r, g, b, alpha] = unsafe { simd.classify(self.table, seen) };
-            if !simd.any(simd.greater(alpha, simd.splat(0))) {
-                continue;
+        let sampling = Sampling::new(simd, row, features.gradient());
+        for run in row.runs() {
+            for block in simd.blocks(run) {
+                let values = sampling.values(simd, block);
+                let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
+                // SAFETY: samples are within their voxels, of 12 bits, or TRANSPARENT.
+                let [r, g, b, alpha] = unsafe { simd.classify(self.table, seen) };
+                if self.leave_out_transparent && !simd.any(simd.greater(alpha, simd.splat(0))) {
+                    transparent += S::LANES as u64;
+                    continue;
+                }
+                let (color, mut alpha) =
+                    self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
+                if features.cut {
+                    // (alpha factor + 128) >> 8
+                    let factor = simd.shift_left::<4>(sampling.factors(simd, block));
+                    alpha = simd.multiply_round(simd.shift_left::<3>(alpha), factor);
+                }
+                let [r, g, b] = color;
+                let color = each!([r, g, b], |channel| product(simd, channel, alpha));
+                composite::alpha(simd, rays, block, color, alpha);
             }
-            let (color, mut alpha) = self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
-            if features.cut {
-                // (alpha factor + 128) >> 8
-                let factor = simd.shift_left::<4>(sampling.factors(simd, block));
-                alpha = simd.multiply_round(simd.shift_left::<3>(alpha), factor);
-            }
-            let [r, g, b] = color;
-            let color = each!([r, g, b], |channel| product(simd, channel, alpha));
-            composite::alpha(simd, rays, block, color, alpha);
         }
+        transparent
     }
 
     /// Weighted sum of a row.
     #[inline(always)]
-    fn add_up(&self, row: &SampleRow<'_>, span: &Range<usize>, rays: &mut SumRow<'_>) {
+    fn add_up(&self, row: &SampleRow<'_>, rays: &mut SumRow<'_>) {
         let simd = self.simd;
         let features = self.features();
-        let sampling = Sampling::new(simd, row, span, features.gradient());
+        let sampling = Sampling::new(simd, row, features.gradient());
         let transparent = simd.splat(Classification::TRANSPARENT as i16);
-        for block in simd.blocks(span.clone()) {
-            let values = sampling.values(simd, block);
-            let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
-            let visible = simd.greater(transparent, seen);
-            // SAFETY: as in `blend_alpha`.
-            let [r, g, b, alpha] = unsafe { simd.classify(self.table, seen) };
-            if features.premultiplied {
-                composite::sum(simd, rays, block, [r, g, b], alpha, visible);
-                continue;
+        for run in row.runs() {
+            for block in simd.blocks(run) {
+                let values = sampling.values(simd, block);
+                let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
+                let visible = simd.greater(transparent, seen);
+                // SAFETY: as in `blend_alpha`.
+                let [r, g, b, alpha] = unsafe { simd.classify(self.table, seen) };
+                if features.premultiplied {
+                    composite::sum(simd, rays, block, [r, g, b], alpha, visible);
+                    continue;
+                }
+                let (color, alpha) = self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
+                let [r, g, b] = color;
+                let color = each!([r, g, b], |channel| product(simd, channel, alpha));
+                composite::sum(simd, rays, block, color, alpha, visible);
             }
-            let (color, alpha) = self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
-            let [r, g, b] = color;
-            let color = each!([r, g, b], |channel| product(simd, channel, alpha));
-            composite::sum(simd, rays, block, color, alpha, visible);
         }
     }
 
     /// MIP and MinIP of shaded samples of a row: blocks without a new extreme need no colours.
     #[inline(always)]
-    fn keep_extremes(&self, row: &SampleRow<'_>, span: &Range<usize>, rays: &mut Row<'_>) {
+    fn keep_extremes(&self, row: &SampleRow<'_>, rays: &mut Row<'_>) {
         let simd = self.simd;
         let features = self.features();
-        let sampling = Sampling::new(simd, row, span, features.gradient());
+        let sampling = Sampling::new(simd, row, features.gradient());
         let nothing = no_extreme(features.blend);
-        for block in simd.blocks(span.clone()) {
-            let values = sampling.values(simd, block);
-            let seen = sampling.seen(simd, block, values, nothing);
-            let beats = composite::beats(simd, features.blend, rays, block, seen);
-            if simd.any(beats) {
-                // SAFETY: as in `blend_alpha`.
-                let [r, g, b, alpha] = unsafe { simd.classify(self.table, values) };
-                let (color, alpha) = self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
-                composite::replace(simd, rays, block, beats, color, alpha, values);
+        for run in row.runs() {
+            for block in simd.blocks(run) {
+                let values = sampling.values(simd, block);
+                let seen = sampling.seen(simd, block, values, nothing);
+                let beats = composite::beats(simd, features.blend, rays, block, seen);
+                if simd.any(beats) {
+                    // SAFETY: as in `blend_alpha`.
+                    let [r, g, b, alpha] = unsafe { simd.classify(self.table, values) };
+                    let (color, alpha) =
+                        self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
+                    composite::replace(simd, rays, block, beats, color, alpha, values);
+                }
             }
         }
     }
@@ -213,15 +252,14 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
 /// How the sample values of a row are had.
 struct Sampling<'a, S: Simd> {
     row: &'a SampleRow<'a>,
-    span: Range<usize>,
     gradient: bool,
     x_weight: S::Words,
 }
 
 impl<'a, S: Simd> Sampling<'a, S> {
     #[inline(always)]
-    fn new(simd: S, row: &'a SampleRow<'a>, span: &Range<usize>, gradient: bool) -> Self {
-        Self { row, span: span.clone(), gradient, x_weight: weight(simd, row.x_weight) }
+    fn new(simd: S, row: &'a SampleRow<'a>, gradient: bool) -> Self {
+        Self { row, gradient, x_weight: weight(simd, row.x_weight.0) }
     }
 
     /// The samples of a block.
@@ -229,10 +267,10 @@ impl<'a, S: Simd> Sampling<'a, S> {
     fn values(&self, simd: S, block: Block) -> S::Words {
         if self.gradient {
             self.row.samples[1].load(simd, block)
-        } else if self.row.x_weight == 0 {
-            unguard(simd, self.row.line.load(simd, block))
-        } else {
+        } else if self.row.interpolated() {
             unguard(simd, along_x(simd, self.row.line, block, self.x_weight))
+        } else {
+            unguard(simd, self.row.line.load(simd, block))
         }
     }
 
@@ -249,8 +287,9 @@ impl<'a, S: Simd> Sampling<'a, S> {
     #[inline(always)]
     fn seen(&self, simd: S, block: Block, values: S::Words, hidden: i16) -> S::Words {
         let mut seen = values;
-        if block.start() < self.span.start || block.start() + S::LANES > self.span.end {
-            seen = simd.select(inside(simd, block, &self.span), seen, simd.splat(hidden));
+        let span = self.row.span;
+        if block.start() < span.start || block.start() + S::LANES > span.end {
+            seen = simd.select(inside(simd, block, span), seen, simd.splat(hidden));
         }
         if let Some(line) = self.row.factors {
             let visible = simd.greater(line.load(simd, block), simd.splat(0));
@@ -270,18 +309,12 @@ fn inside<S: Simd>(simd: S, block: Block, span: &Range<usize>) -> S::Mask {
 
 /// MIP and MinIP of a row of samples that need no light: see [`composite::extreme`].
 #[inline(always)]
-pub fn keep_values<S: Simd>(
-    simd: S,
-    blend: BlendMode,
-    row: &SampleRow<'_>,
-    span: &Range<usize>,
-    rays: &mut Row<'_>,
-) {
-    match (blend, row.x_weight) {
-        (BlendMode::Minimum, 0) => keep_values_of::<S, true, false>(simd, row, span, rays),
-        (BlendMode::Minimum, _) => keep_values_of::<S, true, true>(simd, row, span, rays),
-        (_, 0) => keep_values_of::<S, false, false>(simd, row, span, rays),
-        _ => keep_values_of::<S, false, true>(simd, row, span, rays),
+fn keep_values<S: Simd>(simd: S, blend: BlendMode, row: &SampleRow<'_>, rays: &mut Row<'_>) {
+    match (blend, row.interpolated()) {
+        (BlendMode::Minimum, false) => keep_values_of::<S, true, false>(simd, row, rays),
+        (BlendMode::Minimum, true) => keep_values_of::<S, true, true>(simd, row, rays),
+        (_, false) => keep_values_of::<S, false, false>(simd, row, rays),
+        (_, true) => keep_values_of::<S, false, true>(simd, row, rays),
     }
 }
 
@@ -289,27 +322,28 @@ pub fn keep_values<S: Simd>(
 fn keep_values_of<S: Simd, const LEAST: bool, const LERP: bool>(
     simd: S,
     row: &SampleRow<'_>,
-    span: &Range<usize>,
     rays: &mut Row<'_>,
 ) {
     let blend = if LEAST { BlendMode::Minimum } else { BlendMode::Maximum };
-    let x_weight = weight(simd, row.x_weight);
-    let sampling = Sampling::new(simd, row, span, false);
-    let whole = span.start.next_multiple_of(S::LANES)..span.end / S::LANES * S::LANES;
-    let mut inner = simd.blocks(0..0);
-    if row.factors.is_none() && !whole.is_empty() {
-        inner = simd.blocks(whole.clone());
-    }
-    for block in inner.clone() {
-        let line = row.line.load(simd, block);
-        let value = if LERP { simd.lerp(line, row.line.load_behind(simd, block), x_weight) } else { line };
-        composite::extreme(simd, blend, rays, block, unguard(simd, value));
-    }
-    // What is left: the ends, or all if factors say what is seen.
-    let seen_whole = |block: Block| inner.len() > 0 && whole.contains(&block.start());
-    for block in simd.blocks(span.clone()).filter(|block| !seen_whole(*block)) {
-        let values = sampling.values(simd, block);
-        let seen = sampling.seen(simd, block, values, no_extreme(blend));
-        composite::extreme(simd, blend, rays, block, seen);
+    let x_weight = weight(simd, row.x_weight.0);
+    let sampling = Sampling::new(simd, row, false);
+    for run in row.runs() {
+        // Vectors of samples that are all seen, between those at the ends.
+        let start = run.start.next_multiple_of(S::LANES);
+        let end = run.end / S::LANES * S::LANES;
+        let whole = if start < end && row.factors.is_none() { start..end } else { run.end..run.end };
+        for block in simd.blocks(whole.clone()) {
+            let line = row.line.load(simd, block);
+            let value =
+                if LERP { simd.lerp(line, row.line.load_behind(simd, block), x_weight) } else { line };
+            composite::extreme(simd, blend, rays, block, unguard(simd, value));
+        }
+        for rest in [run.start..whole.start, whole.end..run.end] {
+            for block in simd.blocks(rest) {
+                let values = sampling.values(simd, block);
+                let seen = sampling.seen(simd, block, values, no_extreme(blend));
+                composite::extreme(simd, blend, rays, block, seen);
+            }
+        }
     }
 }

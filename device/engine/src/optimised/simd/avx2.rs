@@ -230,6 +230,14 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn bits(self, mask: __m256i) -> u64 {
+        let bytes = avx2!(_mm256_packs_epi16(mask, _mm256_setzero_si256()));
+        // 8 lanes in the lower bytes of each half.
+        let bits = u64::from(avx2!(_mm256_movemask_epi8(bytes)).cast_unsigned());
+        (bits | bits >> 8) & 0xffff
+    }
+
+    #[inline(always)]
     fn square_root(self, a: __m256i) -> __m256i {
         by_floats!(a, |a| _mm256_cvtps_epi32(_mm256_sqrt_ps(a)))
     }

@@ -346,6 +346,11 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    fn bits(self, mask: __mmask32) -> u64 {
+        mask.into()
+    }
+
+    #[inline(always)]
     fn square_root(self, a: __m512i) -> __m512i {
         avx512!({
             let zero = _mm512_setzero_si512();

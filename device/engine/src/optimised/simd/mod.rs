@@ -138,6 +138,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn select(self, mask: Self::Mask, yes: Self::Words, no: Self::Words) -> Self::Words;
     /// Whether the mask is set in any lane.
     fn any(self, mask: Self::Mask) -> bool;
+    /// The lanes in which the mask is set, the first one as the lowest bit.
+    fn bits(self, mask: Self::Mask) -> u64;
 
     /// round(sqrt(a)) for a up to 2^16 - 1.
     fn square_root(self, a: Self::Words) -> Self::Words;

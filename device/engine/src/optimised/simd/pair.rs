@@ -197,6 +197,11 @@ impl<S: Simd> Simd for Pair<S> {
     }
 
     #[inline(always)]
+    fn bits(self, mask: Self::Mask) -> u64 {
+        self.0.bits(mask[0]) | self.0.bits(mask[1]) << S::LANES
+    }
+
+    #[inline(always)]
     unsafe fn classify(self, table: &Classification, values: Self::Words) -> [Self::Words; 4] {
         // SAFETY: the caller's promise.
         let [first, second] =

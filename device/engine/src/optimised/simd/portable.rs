@@ -189,6 +189,11 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    fn bits(self, mask: [bool; LANES]) -> u64 {
+        (0..LANES).fold(0, |bits, lane| bits | u64::from(mask[lane]) << lane)
+    }
+
+    #[inline(always)]
     fn square_root(self, a: Words) -> Words {
         // The floor, and one more where a > floor^2 + floor: there the root is nearer to the next.
         each(a, |a| {

@@ -247,6 +247,7 @@ work!(any_lane_counts, |simd| {
     for lane in 0..S::LANES {
         let mask = simd.equal(simd.count(), simd.splat(lane as i16));
         assert!(simd.any(mask), "{lane}");
+        assert_eq!(simd.bits(mask), 1 << lane);
         let expected: Vec<_> = (0..S::LANES).map(|place| u16::from(place == lane)).collect();
         assert_eq!(lanes(simd, simd.select(mask, simd.splat(1), simd.splat(0))), expected);
     }

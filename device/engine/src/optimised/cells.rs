@@ -1,0 +1,185 @@
+//! Cells of a row: what is left out, is left out by cells.
+
+use super::line::VOXELS;
+use core::ops::Range;
+
+/// Voxels of a cell.
+pub const CELL: usize = 32;
+/// Cells of a row.
+pub const CELLS: usize = VOXELS / CELL;
+
+/// Some cells of a row of voxels, or of the samples above them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cells(u8);
+
+impl Cells {
+    /// None.
+    pub const NONE: Self = Self(0);
+
+    /// Those that `holds` says something of.
+    #[inline(always)]
+    pub fn of(mut holds: impl FnMut(usize) -> bool) -> Self {
+        Self((0..CELLS).fold(0, |cells, cell| cells | u8::from(holds(cell)) << cell))
+    }
+
+    /// Those that words of a range lie in.
+    #[inline(always)]
+    #[must_use]
+    pub fn covering(range: &Range<usize>) -> Self {
+        let end = range.end.div_ceil(CELL).min(CELLS);
+        let start = (range.start / CELL).min(end);
+        Self(((1u16 << end) - (1 << start)) as u8)
+    }
+
+    /// Whether there are none.
+    #[inline(always)]
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Those of both.
+    #[inline(always)]
+    #[must_use]
+    pub const fn and(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+
+    /// Those of either.
+    #[inline(always)]
+    #[must_use]
+    pub const fn or(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Those that `other` lacks.
+    #[inline(always)]
+    #[must_use]
+    pub const fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
+    /// How many there are.
+    #[inline(always)]
+    #[must_use]
+    pub const fn count(self) -> u32 {
+        self.0.count_ones()
+    }
+
+    /// All cells of the vectors of `lanes` words that they lie in.
+    #[inline(always)]
+    #[must_use]
+    pub const fn whole_vectors(self, lanes: usize) -> Self {
+        if lanes <= CELL {
+            return self;
+        }
+        let lower = (self.0 | self.0 >> 1) & 0x55;
+        Self(lower | lower << 1)
+    }
+
+    /// With the cells next to them on both sides.
+    #[inline(always)]
+    #[must_use]
+    pub const fn with_neighbours(self) -> Self {
+        Self(self.0 | self.0 << 1 | self.0 >> 1)
+    }
+
+    /// With the cells behind them.
+    #[inline(always)]
+    #[must_use]
+    pub const fn with_next(self) -> Self {
+        Self(self.0 | self.0 << 1)
+    }
+
+    /// The words of cells next to each other.
+    #[inline(always)]
+    pub fn runs(self) -> Runs {
+        Runs(self.0.into())
+    }
+
+    /// Words of these cells that lie in a range.
+    #[must_use]
+    pub fn words_in(self, range: &Range<usize>) -> usize {
+        let within = |run: Range<usize>| run.end.min(range.end).saturating_sub(run.start.max(range.start));
+        self.runs().map(within).sum()
+    }
+}
+
+const _: () = assert!(CELLS == 8, "as many bits");
+
+/// The words of cells next to each other: [`Cells::runs`].
+#[derive(Clone, Debug)]
+pub struct Runs(u32);
+
+impl Iterator for Runs {
+    type Item = Range<usize>;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Range<usize>> {
+        if self.0 == 0 {
+            return None;
+        }
+        let start = self.0.trailing_zeros();
+        let end = start + (self.0 >> start).trailing_ones();
+        self.0 &= u32::MAX << end;
+        Some(start as usize * CELL..end as usize * CELL)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn contains(cells: Cells, cell: usize) -> bool {
+        cells.0 >> cell & 1 != 0
+    }
+
+    fn numbers(cells: Cells) -> Vec<usize> {
+        (0..CELLS).filter(|&cell| contains(cells, cell)).collect()
+    }
+
+    #[test]
+    fn ranges_lie_in_cells() {
+        for (range, expected) in [
+            (0..0, vec![]),
+            (0..1, vec![0]),
+            (31..33, vec![0, 1]),
+            (32..64, vec![1]),
+            (40..40, vec![1]),
+            (200..300, vec![6, 7]),
+            (300..301, vec![]),
+        ] {
+            let cells = Cells::covering(&range);
+            if !range.is_empty() {
+                assert_eq!(numbers(cells), expected, "{range:?}");
+            }
+            assert_eq!(cells.words_in(&range), range.end.min(256).saturating_sub(range.start));
+        }
+    }
+
+    #[test]
+    fn every_set_of_cells() {
+        for bits in 0..=u8::MAX {
+            let cells = Cells(bits);
+            let words: Vec<_> = cells.runs().flatten().collect();
+            let expected: Vec<_> = (0..VOXELS).filter(|word| contains(cells, word / CELL)).collect();
+            assert_eq!(words, expected);
+            assert!(cells.runs().zip(cells.runs().skip(1)).all(|(run, next)| run.end < next.start));
+            assert_eq!(cells.words_in(&(0..VOXELS)), words.len());
+            assert_eq!(
+                cells.words_in(&(5..200)),
+                words.iter().filter(|word| (5..200).contains(*word)).count()
+            );
+            for cell in 0..CELLS {
+                let near = |distance: i32| {
+                    let other = cell as i32 + distance;
+                    (0..8).contains(&other) && contains(cells, other as usize)
+                };
+                assert_eq!(contains(cells.with_neighbours(), cell), near(-1) || near(0) || near(1));
+                assert_eq!(contains(cells.with_next(), cell), near(-1) || near(0));
+                assert_eq!(contains(cells.whole_vectors(64), cell), near(0) || contains(cells, cell ^ 1));
+                assert_eq!(cells.whole_vectors(32), cells);
+            }
+        }
+    }
+}
