@@ -22,6 +22,13 @@ impl Cells {
         Self((0..CELLS).fold(0, |cells, cell| cells | u8::from(holds(cell)) << cell))
     }
 
+    /// Those whose bits are set; the first one is the lowest.
+    #[inline(always)]
+    #[must_use]
+    pub const fn from_bits(bits: u8) -> Self {
+        Self(bits)
+    }
+
     /// Those that words of a range lie in.
     #[inline(always)]
     #[must_use]
@@ -36,6 +43,12 @@ impl Cells {
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.0 == 0
+    }
+
+    /// Whether a cell is one of them.
+    #[inline(always)]
+    const fn contains(self, cell: usize) -> bool {
+        cell < CELLS && self.0 >> cell & 1 != 0
     }
 
     /// Those of both.
@@ -98,10 +111,14 @@ impl Cells {
     }
 
     /// Words of these cells that lie in a range.
+    #[inline(always)]
     #[must_use]
     pub fn words_in(self, range: &Range<usize>) -> usize {
-        let within = |run: Range<usize>| run.end.min(range.end).saturating_sub(run.start.max(range.start));
-        self.runs().map(within).sum()
+        let cells = self.and(Self::covering(range));
+        // Cells at both ends may lie in it only in part.
+        let before = if cells.contains(range.start / CELL) { range.start % CELL } else { 0 };
+        let behind = if cells.contains(range.end / CELL) { CELL - range.end % CELL } else { 0 };
+        cells.count() as usize * CELL - before - behind
     }
 }
 
@@ -130,12 +147,8 @@ impl Iterator for Runs {
 mod tests {
     use super::*;
 
-    const fn contains(cells: Cells, cell: usize) -> bool {
-        cells.0 >> cell & 1 != 0
-    }
-
     fn numbers(cells: Cells) -> Vec<usize> {
-        (0..CELLS).filter(|&cell| contains(cells, cell)).collect()
+        (0..CELLS).filter(|&cell| cells.contains(cell)).collect()
     }
 
     #[test]
@@ -162,7 +175,7 @@ mod tests {
         for bits in 0..=u8::MAX {
             let cells = Cells(bits);
             let words: Vec<_> = cells.runs().flatten().collect();
-            let expected: Vec<_> = (0..VOXELS).filter(|word| contains(cells, word / CELL)).collect();
+            let expected: Vec<_> = (0..VOXELS).filter(|word| cells.contains(word / CELL)).collect();
             assert_eq!(words, expected);
             assert!(cells.runs().zip(cells.runs().skip(1)).all(|(run, next)| run.end < next.start));
             assert_eq!(cells.words_in(&(0..VOXELS)), words.len());
@@ -173,11 +186,11 @@ mod tests {
             for cell in 0..CELLS {
                 let near = |distance: i32| {
                     let other = cell as i32 + distance;
-                    (0..8).contains(&other) && contains(cells, other as usize)
+                    (0..8).contains(&other) && cells.contains(other as usize)
                 };
-                assert_eq!(contains(cells.with_neighbours(), cell), near(-1) || near(0) || near(1));
-                assert_eq!(contains(cells.with_next(), cell), near(-1) || near(0));
-                assert_eq!(contains(cells.whole_vectors(64), cell), near(0) || contains(cells, cell ^ 1));
+                assert_eq!(cells.with_neighbours().contains(cell), near(-1) || near(0) || near(1));
+                assert_eq!(cells.with_next().contains(cell), near(-1) || near(0));
+                assert_eq!(cells.whole_vectors(64).contains(cell), near(0) || cells.contains(cell ^ 1));
                 assert_eq!(cells.whole_vectors(32), cells);
             }
         }

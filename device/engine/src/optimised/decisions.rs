@@ -32,7 +32,7 @@ pub struct Decisions {
     pub left_out: LeftOut,
 }
 
-/// Stops a test that finds nothing for a while.
+/// Stops a test that finds little for a while.
 #[derive(Clone, Copy, Debug, Default)]
 struct Thrift {
     /// Slices in a row with little to leave out.
@@ -41,22 +41,33 @@ struct Thrift {
     pause: u32,
 }
 
-impl Thrift {
-    /// Slices in vain before a pause, and its length.
-    const PATIENCE: u32 = 4;
-    const PAUSE: u32 = 28;
+/// When a test is worth it.
+struct Worth {
+    /// If it leaves one cell in so many out.
+    one_in: u32,
+    /// Slices with less than that until it stops.
+    patience: u32,
+    /// Slices until it is tried again.
+    pause: u32,
+}
 
+/// The test costs a few per cent of unlit samples.
+const OF_EMPTY: Worth = Worth { one_in: 16, patience: 4, pause: 28 };
+/// Samples of MIP and MinIP cost little more than the test.
+const OF_BEATEN: Worth = Worth { one_in: 2, patience: 2, pause: 62 };
+
+impl Thrift {
     /// Whether to test on this slice.
-    fn due(&mut self) -> bool {
+    const fn due(&mut self) -> bool {
         self.pause = self.pause.saturating_sub(1);
         self.pause == 0
     }
 
     /// A test left `left_out` of `tested` cells out.
-    fn note(&mut self, tested: u32, left_out: u32) {
-        self.vain = if 16 * left_out < tested { self.vain + 1 } else { 0 };
-        if self.vain == Self::PATIENCE {
-            (self.vain, self.pause) = (0, Self::PAUSE);
+    const fn note(&mut self, tested: u32, left_out: u32, worth: &Worth) {
+        self.vain = if worth.one_in * left_out < tested { self.vain + 1 } else { 0 };
+        if self.vain == worth.patience {
+            (self.vain, self.pause) = (0, worth.pause);
         }
     }
 }
@@ -125,8 +136,8 @@ impl Decisions {
     pub fn finish(&mut self, finished: &Finished, first: i32) {
         for row in self.here.clone() {
             if finished.any(row) && !self.rows[row].is_empty() {
-                let cells = Cells::of(|cell| !finished.all_of(row, (cell * CELL) as i32 - first));
-                self.left_out.finished += self.keep(row, cells);
+                let alive = self.rows[row].without(finished.cells(row, first));
+                self.left_out.finished += self.keep(row, alive);
             }
         }
     }
@@ -174,7 +185,8 @@ impl Decisions {
             tested += self.rows[row].count();
             self.left_out.empty += self.keep(row, cells);
         }
-        self.thrift.note(tested, (self.left_out.blocks_left_out - before) as u32);
+        let worth = if omissions.beaten { &OF_BEATEN } else { &OF_EMPTY };
+        self.thrift.note(tested, (self.left_out.blocks_left_out - before) as u32, worth);
     }
 }
 
@@ -197,15 +209,17 @@ fn unbeaten<S: Simd>(
 ) -> Cells {
     let rays = accumulators.row(row, first);
     let mut kept = Cells::NONE;
-    for run in cells.runs() {
-        for cell in run.start / CELL..run.end / CELL {
-            let [least, greatest] = extremes[cell];
-            let best = if blend == BlendMode::Minimum { least } else { greatest };
-            let best = simd.splat(best.cast_signed());
-            for block in simd.blocks(cell * CELL..cell * CELL + CELL) {
-                if simd.any(composite::beats(simd, blend, &rays, block, best)) {
-                    kept = kept.or(Cells::covering(&(cell * CELL..cell * CELL + CELL)));
-                }
+    for (cell, &[least, greatest]) in extremes.iter().enumerate() {
+        let range = cell * CELL..cell * CELL + CELL;
+        let this = Cells::covering(&range).and(cells);
+        if this.is_empty() {
+            continue;
+        }
+        let best = if blend == BlendMode::Minimum { least } else { greatest };
+        let best = simd.splat(best.cast_signed());
+        for block in simd.blocks(range) {
+            if simd.any(composite::beats(simd, blend, &rays, block, best)) {
+                kept = kept.or(this);
             }
         }
     }

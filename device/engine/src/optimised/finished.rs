@@ -4,7 +4,7 @@
 //! (4095 - A) a < 2048 for the greatest opacity a that is still to come.
 
 use super::accumulators::Accumulators;
-use super::cells::CELL;
+use super::cells::{CELL, Cells};
 use super::simd::Simd;
 use crate::fixed::FULL;
 use vg500_regs::limit::BASE_PLANE_SIZE;
@@ -37,12 +37,29 @@ pub fn can_finish(most: u16, samples: usize) -> bool {
     opacity >= limit
 }
 
-/// Which rays of a row are finished: a bit each.
+/// Which rays of a row are finished.
 #[derive(Clone, Debug)]
 struct Row {
-    bits: [u64; WORDS],
-    /// Whether any ray is.
+    /// A bit for each ray.
+    rays: [u64; WORDS],
+    /// Whether any ray of the row is.
     any: bool,
+    /// A bit for every eighth ray: whether it and those behind it are, as many as a cell has.
+    cells: u128,
+    /// Likewise with the eight behind these.
+    longer_cells: u128,
+}
+
+impl Row {
+    /// Gathers what is asked for slice by slice.
+    fn gather(&mut self) {
+        let mut eights = 0u128;
+        for (place, byte) in self.rays.iter().flat_map(|word| word.to_le_bytes()).enumerate() {
+            eights |= u128::from(byte == u8::MAX) << place;
+        }
+        self.cells = eights & eights >> 1 & eights >> 2 & eights >> 3;
+        self.longer_cells = self.cells & eights >> 4;
+    }
 }
 
 /// Which rays of a tile are finished.
@@ -67,10 +84,12 @@ impl Finished {
     /// least every `shortest` slices, while rays finish, they are looked at.
     pub fn begin(&mut self, rows: usize, columns: usize, limit: u16, shortest: u32) {
         // What lies beside the base plane is nothing to wait for.
-        let mut bits = [u64::MAX; WORDS];
-        (MARGIN..MARGIN + columns).for_each(|at| bits[at / 64] &= !(1 << (at % 64)));
+        let mut rays = [u64::MAX; WORDS];
+        (MARGIN..MARGIN + columns).for_each(|at| rays[at / 64] &= !(1 << (at % 64)));
         self.rows.clear();
-        self.rows.resize(rows, Row { bits, any: false });
+        let mut row = Row { rays, any: false, cells: 0, longer_cells: 0 };
+        row.gather();
+        self.rows.resize(rows, row);
         (self.columns, self.limit, self.shortest) = (columns, limit, shortest);
         (self.wait, self.interval) = (0, shortest);
     }
@@ -91,10 +110,13 @@ impl Finished {
                 let (word, shift) = (at / 64, at % 64);
                 let lanes = u64::MAX >> (64 - S::LANES);
                 let finished = !(alive << shift) & lanes << shift;
-                more |= finished & !row.bits[word] != 0;
-                row.bits[word] |= finished;
+                more |= finished & !row.rays[word] != 0;
+                row.rays[word] |= finished;
             }
-            row.any |= more;
+            if more {
+                row.any = true;
+                row.gather();
+            }
             any_more |= more;
         }
         self.interval = if any_more { self.shortest } else { (2 * self.interval).min(LONGEST) };
@@ -108,15 +130,21 @@ impl Finished {
         self.rows[row].any
     }
 
-    /// Whether all rays of a cell are finished, of which the first is ray `column` of a row.
+    /// The cells of which all rays are known to be finished, of a row in which the ray in column 0 has its sample
+    /// above voxel `first`. Where cells begin between every eighth ray, those behind have to be finished, too.
     #[inline(always)]
     #[must_use]
-    pub fn all_of(&self, row: usize, column: i32) -> bool {
-        let at = (column + MARGIN as i32).clamp(0, (64 * (WORDS - 1) - 1) as i32) as usize;
-        let bits = &self.rows[row].bits;
-        let (word, shift) = (at / 64, at % 64);
-        let rays = bits[word] >> shift | bits[word + 1] << 1 << (63 - shift);
-        rays as u32 == u32::MAX
+    pub fn cells(&self, row: usize, first: i32) -> Cells {
+        let Row { cells, longer_cells, .. } = self.rows[row];
+        let from = MARGIN as i32 - first;
+        let eights = if from % 8 == 0 { cells } else { longer_cells };
+        let at = from.div_euclid(8);
+        let here = if at < 0 { eights << at.unsigned_abs().min(127) } else { eights >> at.min(127) };
+        // Every fourth bit.
+        let apart = here as u32 & 0x1111_1111;
+        let pairs = (apart | apart >> 3) & 0x0303_0303;
+        let fours = (pairs | pairs >> 6) & 0x000f_000f;
+        Cells::from_bits((fours | fours >> 12) as u8)
     }
 
     /// How many rays are known to be finished.
@@ -124,9 +152,54 @@ impl Finished {
     pub fn count(&self) -> u64 {
         let beside = 64 * WORDS - self.columns;
         let in_row =
-            |row: &Row| row.bits.iter().map(|word| word.count_ones() as usize).sum::<usize>() - beside;
+            |row: &Row| row.rays.iter().map(|word| word.count_ones() as usize).sum::<usize>() - beside;
         self.rows.iter().map(in_row).sum::<usize>() as u64
     }
 }
 
-const _: () = assert!(CELL == 32, "a cell's rays are read as 32 bits");
+const _: () = assert!(CELL == 32 && WORDS <= 16, "a cell is four times eight rays, a row 128 times");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::ops::Range;
+
+    #[test]
+    fn opacity_at_which_nothing_more_is_added() {
+        for most in 0..=FULL {
+            let limit = finishing_opacity(most);
+            assert_eq!(crate::fixed::product(most, FULL - limit), 0, "{most}");
+            assert!(limit == 0 || crate::fixed::product(most, FULL - limit + 1) > 0, "{most}");
+        }
+        assert_eq!(finishing_opacity(FULL), FULL);
+        assert_eq!(finishing_opacity(40), 4044);
+    }
+
+    #[test]
+    fn cells_are_finished_when_their_rays_are() {
+        let mut finished = Finished::default();
+        finished.begin(1, 300, FULL, 1);
+        let alive = [70, 71, 160, 299];
+        let row = &mut finished.rows[0];
+        row.rays = [u64::MAX; WORDS];
+        alive.iter().for_each(|ray| row.rays[(MARGIN + ray) / 64] &= !(1 << ((MARGIN + ray) % 64)));
+        row.gather();
+        for first in -330..300 {
+            for cell in 0..8 {
+                let bit = Cells::covering(&(cell * CELL..cell * CELL + CELL));
+                let found = !finished.cells(0, first).and(bit).is_empty();
+                let column = (cell * CELL) as i32 - first;
+                // As far as rays go, to the next eight.
+                let end = (column + CELL as i32 + 7) / 8 * 8;
+                let start = column.div_euclid(8) * 8;
+                let any_alive =
+                    |mut range: Range<i32>| range.any(|at| alive.contains(&(at as usize)) && at >= 0);
+                if any_alive(column..column + CELL as i32) {
+                    assert!(!found, "{first} {cell}");
+                } else if !any_alive(start..end) && (-64..512).contains(&start) && end < 512 + 64 {
+                    assert!(found, "{first} {cell}");
+                }
+            }
+        }
+    }
+}
