@@ -81,7 +81,22 @@ fn explanations_are_for_people_and_not_on_standard_output() {
     let (output, message) = render(&["--explain", "--crop", "0,9,0,9,0,9"]);
     assert!(output.is_empty());
     assert!(message.contains("left out: Gradient magnitude"), "{message}");
+    assert!(message.contains("needed: Cropping"), "{message}");
     assert!(!message.contains("left out: Cropping"), "{message}");
+}
+
+#[test]
+fn what_is_kept_is_not_left_out_and_the_rest_is_measured() {
+    let (_, message) = render(&["--explain=time", "--keep", "empty_blocks"]);
+    assert!(message.contains("base plane unchanged"), "{message}");
+    assert!(
+        message.lines().any(|line| line.contains("Gradient magnitude") && line.contains("saved")),
+        "{message}"
+    );
+    let all = statistics(&["--keep", "all"]);
+    assert_eq!(all["samples_processed"], all["samples"]);
+    let left_out = statistics(&["--keep", "illumination"])["left_out"].to_string();
+    assert!(!left_out.contains("illumination") && left_out.contains("modulation"), "{left_out}");
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! The command line.
 
-use super::lists::{BackgroundList, CropList, CutPlaneList, Device, LightList, Numbers, Size, number};
+use super::lists::{
+    BackgroundList, CropList, CutPlaneList, Device, LightList, Numbers, Omissions, Size, number,
+};
 use crate::file::ScalarType;
 use crate::phantom::{DEFAULT_SIZE, MAXIMUM_SIZE, Phantom};
 use crate::transfer::Preset;
@@ -92,8 +94,7 @@ pub struct Render {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = value_parser!(u32).range(1..=100_000),
         allow_negative_numbers = true)]
     pub frames: u32,
-    /// Say on standard error what the frame needed and what was left out; `=time` also measures what it saved (not
-    /// served yet).
+    /// Say on standard error what the frame needed and what was left out; `=time` also measures what that saved.
     #[arg(long, value_name = "WHAT", num_args = 0..=1, require_equals = true)]
     pub explain: Option<Option<Explained>>,
     /// Print statistics on standard output.
@@ -202,6 +203,10 @@ pub struct Card {
     /// Render section by section, 32 voxels wide, through section memory; the picture is the same.
     #[arg(long)]
     pub sections: bool,
+    /// What the engine is not to leave out: names as `--stats` lists them under left_out, or `all`; the picture is
+    /// the same.
+    #[arg(long, value_name = "NAME,..", default_value = "")]
+    pub keep: Omissions,
 }
 
 /// How samples of a file are read.
@@ -294,7 +299,7 @@ pub enum Simd {
 /// What `--explain` also measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Explained {
-    /// Time that was saved (not served yet).
+    /// Time that was saved.
     Time,
 }
 

@@ -52,6 +52,20 @@ impl Target {
         }
     }
 
+    /// Tells the card what it is not to leave out from now on: bits of the register `KEEP`.
+    pub const fn keep(&mut self, omissions: u32) {
+        if let Self::Board(board) = self {
+            board.keep(omissions);
+        }
+    }
+
+    /// Whether reports are to tell all that was left out.
+    pub const fn detail(&mut self, detailed: bool) {
+        if let Self::Board(board) = self {
+            board.detail(detailed);
+        }
+    }
+
     /// Renders a frame.
     pub fn render(&mut self, context: &Context, loaded: &Loaded) -> Result<BasePlane, Error> {
         match self {

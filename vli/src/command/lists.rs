@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::str::FromStr;
+use vg500_regs::table::report_omitted;
 use volumepro_driver::PciSelector;
 
 /// Exactly `N` numbers, separated by commas.
@@ -26,6 +27,37 @@ pub fn number(text: &str) -> Result<f64, String> {
 
 fn numbers<const N: usize>(parts: &[&str]) -> Result<[f64; N], String> {
     Numbers::from_str(&parts.join(",")).map(|Numbers(numbers)| numbers)
+}
+
+/// Omissions of the engine by the names of the fields of `REPORT_OMITTED` in lower case, or `all`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Omissions(u32);
+
+impl Omissions {
+    /// As bits of the register `KEEP`.
+    pub const fn mask(self) -> u32 {
+        self.0
+    }
+}
+
+impl FromStr for Omissions {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let fields = report_omitted::REGISTER.fields;
+        if text == "all" {
+            return Ok(Self(report_omitted::REGISTER.mask()));
+        }
+        let names = text.split(',').map(str::trim).filter(|name| !name.is_empty());
+        let mask = |name: &str| {
+            let field = fields.iter().find(|field| field.name.to_lowercase() == name);
+            field.map(|field| field.mask()).ok_or_else(|| {
+                let known: Vec<_> = fields.iter().map(|field| field.name.to_lowercase()).collect();
+                format!("'{name}' is not all, {}", known.join(", "))
+            })
+        };
+        names.map(mask).try_fold(0, |bits, mask| Ok(bits | mask?)).map(Self)
+    }
 }
 
 /// Width and height, written `WxH`.

@@ -36,6 +36,8 @@ pub fn render(arguments: &Render) -> Result<(), Error> {
         (ideal && simd, "--simd", "has no effect with --renderer ideal"),
         (ideal && card.threads.is_some(), "--threads", "has no effect with --renderer ideal"),
         (ideal && card.sections, "--sections", "has no effect with --renderer ideal"),
+        (ideal && arguments.explain.is_some(), "--explain", "has no effect with --renderer ideal"),
+        (ideal && card.keep.mask() != 0, "--keep", "has no effect with --renderer ideal"),
     ])?;
     appearance(&arguments.look)?;
     input(&arguments.input, arguments.volume.is_some())
@@ -45,8 +47,7 @@ fn unserved(arguments: &Render) -> Result<(), Error> {
     if let Some(architecture) = arguments.card.architecture.filter(|it| *it != Architecture::Vg500) {
         return Err(Error::input(format!("--architecture {} is not served yet", name(architecture))));
     }
-    let measures = matches!(arguments.explain, Some(Some(_)));
-    apply(&[(measures, "--explain=time", "is not served yet: what each omission saves is not measured")])
+    Ok(())
 }
 
 fn appearance(look: &Look) -> Result<(), Error> {

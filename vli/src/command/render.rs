@@ -1,6 +1,6 @@
 //! `volumepro render`.
 
-use super::arguments::Render;
+use super::arguments::{Explained, Render};
 use super::card::{Description, Target};
 use super::error::Error;
 use super::input::Loaded;
@@ -61,6 +61,8 @@ fn render(
 ) -> Result<(BasePlane, Statistics), Error> {
     let started = Instant::now();
     target.load(loaded)?;
+    target.detail(arguments.explain.is_some());
+    target.keep(arguments.card.keep.mask());
     let upload = started.elapsed();
     let mut reports: Vec<FrameReport> = Vec::new();
     let mut last = {
@@ -77,6 +79,10 @@ fn render(
     drop(progress);
     if arguments.explain.is_some() {
         explain::explain(&last.report).iter().for_each(say);
+        say(explain::pace(&last.report));
+    }
+    if arguments.explain == Some(Some(Explained::Time)) {
+        explain::measure(target, context, loaded, &last)?;
     }
     let Description { renderer, architecture, simd, threads } = target.describe();
     let (render_ms, render_ms_all) = times(&reports, |report| report.engine_time);
