@@ -298,15 +298,14 @@ fn a_device_that_dies_is_reported_in_the_guest() {
     assert_eq!(frames(&device), [before + 1, before], "a frame takes long");
     drop(device);
     let killed = Instant::now();
-    // The driver asks the card in vain...
-    guest.wait_until(|guest| guest.errors().contains("vfio_region_read")).unwrap();
+    // The driver asks the card in vain, and says so...
+    guest.wait_until(|guest| guest.errors().contains("volumepro: the card is dead")).unwrap();
     assert!(killed.elapsed() < Duration::from_secs(20), "{:?}", killed.elapsed());
     // ... and when it lets go of it, the guest's kernel waits 66 seconds for the card to come out of its reset.
     guest.wait_for("ended", 1).unwrap();
     assert!(killed.elapsed() < Duration::from_secs(100), "{:?}", killed.elapsed());
     let ended = guest.end().unwrap();
     assert_eq!(ended.status.code(), Some(1), "{}", ended.errors);
-    assert!(ended.errors.contains("volumepro: the card is dead"), "{}", ended.errors);
 
     let device = Device::start(DEVICE, &[]).unwrap();
     let socket = device.socket();

@@ -15,6 +15,7 @@ use crate::{BasePlane, Context, FrameReport};
 use image::ColorType;
 use std::fmt::Display;
 use std::io::Cursor;
+use std::mem::ManuallyDrop;
 use std::path::Path;
 use std::time::Instant;
 
@@ -29,13 +30,16 @@ pub fn run(arguments: &Render) -> Result<(), Error> {
     context.sections = arguments.card.sections;
     // What the card cannot render is said before a card is opened.
     context.shear_warp(&loaded.volume)?;
-    let mut target = Target::open(&arguments.card, transfer.function.clone())?;
+    // In a guest it can take more than a minute to close a dead card, because the kernel waits for its reset. The
+    // error is not to wait for that: the end of the process closes the card, too.
+    let mut target = ManuallyDrop::new(Target::open(&arguments.card, transfer.function.clone())?);
     say(loaded.mapping);
     match transfer.preset {
         Some(preset) => say(format_args!("preset {preset}")),
         None => remark_range(arguments, &loaded),
     }
     let (base_plane, statistics) = render(arguments, &loaded, &context, &mut target)?;
+    drop(ManuallyDrop::into_inner(target));
     save(&base_plane, &camera, size, arguments)?;
     arguments.stats.map_or(Ok(()), |format| statistics.print(format))
 }
