@@ -110,7 +110,10 @@ fn ideal(_: &Context, _: &Loaded, _: &TransferFunction) -> Result<BasePlane, Err
 /// Opens the card that the arguments name and checks that it is what they ask for.
 fn open(arguments: &CardArguments) -> Result<Board, Error> {
     let board = match &arguments.device {
-        Device::Embedded => return embedded(arguments),
+        Device::Embedded => {
+            let [renderer, simd] = [arguments.renderer.map(name), arguments.simd.map(name)];
+            embedded_with(renderer.as_deref(), simd.as_deref(), arguments.threads)?
+        }
         Device::Socket(path) => {
             check_socket(path)?;
             let transport = VfioUser::connect(path, ANSWER).map_err(Error::failure)?;
@@ -136,23 +139,21 @@ fn check_socket(path: &Path) -> Result<(), Error> {
     Err(Error::input(format!("--device socket:{}: {what}", path.display())))
 }
 
+/// Opens a card in this process, as the device's options of these names say.
 #[cfg(feature = "embedded")]
-fn embedded(arguments: &CardArguments) -> Result<Board, Error> {
-    let [renderer, simd] = [arguments.renderer.map(name), arguments.simd.map(name)];
-    let renderer = volumepro_device::config::renderer(
-        renderer.as_deref(),
-        simd.as_deref(),
-        arguments.threads.map(usize::from),
-    )
-    .map_err(Error::input)?;
+pub fn embedded_with(
+    renderer: Option<&str>,
+    simd: Option<&str>,
+    threads: Option<u16>,
+) -> Result<Board, Error> {
+    let renderer = volumepro_device::config::renderer(renderer, simd, threads.map(usize::from));
+    let renderer = renderer.map_err(Error::input)?;
     let config = volumepro_device::Config { renderer, ..Default::default() };
-    let board = Board::embedded(&config, ANSWER).map_err(Error::failure)?;
-    check(arguments, board.card().info())?;
-    Ok(board)
+    Board::embedded(&config, ANSWER).map_err(Error::failure)
 }
 
 #[cfg(not(feature = "embedded"))]
-fn embedded(_: &CardArguments) -> Result<Board, Error> {
+pub fn embedded_with(_: Option<&str>, _: Option<&str>, _: Option<u16>) -> Result<Board, Error> {
     Err(Error::input("--device embedded: this program was built without the embedded card"))
 }
 

@@ -1,6 +1,7 @@
 //! The `volumepro` command.
 
 mod arguments;
+mod bench;
 mod card;
 mod error;
 mod explain;
@@ -41,7 +42,7 @@ fn execute(command: Command) -> Result<(), Error> {
         Command::Render(render) => render::run(&render),
         Command::Info { volume, input } => input::info(&volume, &input),
         Command::Phantom { name, size, output } => input::write_phantom(name, size, &output),
-        Command::Bench(_) => refusals::command("bench"),
+        Command::Bench(bench) => bench::run(&bench),
         Command::Report(_) => refusals::command("report"),
         Command::Sdk(_) => refusals::command("sdk"),
     }
