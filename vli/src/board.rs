@@ -224,7 +224,7 @@ impl Board {
         while let Some((pass, plane, ticket)) = rendering.running.pop_front() {
             self.card.wait(ticket, FRAME_TIMEOUT)?;
             let pixels = self.card.fetch_pixels(&plane, Rectangle::of_size(pass.size[0], pass.size[1]))?;
-            rendering.collector.add(&pass, &pixels);
+            rendering.collector.add(&pass, pixels);
             rendering.report.add(&self.card.report(ticket)?);
             if self.detailed {
                 rendering.report.left_out += self.card.left_out(ticket)?;
