@@ -1,6 +1,5 @@
 //! The command line.
 
-use super::bench::{Axis, Scene};
 use super::lists::{
     BackgroundList, CropList, CutPlaneList, Device, LightList, Numbers, Omissions, Size, number,
 };
@@ -46,70 +45,16 @@ pub enum Command {
         #[arg(short, long, value_name = "FILE.nrrd")]
         output: PathBuf,
     },
-    /// Measure frame rates of the embedded card, beside the machine's own limits.
-    Bench(Box<Bench>),
+    /// Measure frame rates of the card in this process, beside the machine's own limits.
+    #[cfg(feature = "embedded")]
+    Bench(Box<super::bench::Arguments>),
+    /// Measure frame rates of the card in this process, which this program was built without.
+    #[cfg(not(feature = "embedded"))]
+    Bench(NotServed),
     /// Measure error against run time over settings (not served yet).
     Report(NotServed),
     /// Install library and header for C++ programs (not served yet).
     Sdk(NotServed),
-}
-
-/// What to measure.
-#[derive(Debug, Args)]
-pub struct Bench {
-    /// Scenes (default: all).
-    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
-    pub scene: Vec<Scene>,
-    /// Along which axis rays run, a little off it, or between three of them.
-    #[arg(
-        long,
-        value_name = "NAME,..",
-        value_delimiter = ',',
-        default_value = "+z",
-        allow_hyphen_values = true
-    )]
-    pub axis: Vec<Axis>,
-    /// Voxels along each axis of the volume.
-    #[arg(long, value_name = "N,..", value_delimiter = ',', default_value = "256",
-        value_parser = value_parser!(u32).range(1..=256), allow_negative_numbers = true)]
-    pub size: Vec<u32>,
-    /// Bits of a voxel: 8 or 12.
-    #[arg(long, value_name = "N,..", value_delimiter = ',', default_value = "12", value_parser = voxel_bits)]
-    pub bits: Vec<u8>,
-    /// Vector instructions.
-    #[arg(long, value_name = "LEVEL,..", value_delimiter = ',', default_value = "auto")]
-    pub simd: Vec<Simd>,
-    /// Threads of the engine (default: all cores).
-    #[arg(long, value_name = "N,..", value_delimiter = ',', value_parser = value_parser!(u16).range(1..=256),
-        allow_negative_numbers = true)]
-    pub threads: Vec<u16>,
-    /// Frames of each line.
-    #[arg(long, value_name = "N", default_value_t = 21, value_parser = value_parser!(u32).range(1..=10_000),
-        allow_negative_numbers = true)]
-    pub frames: u32,
-    /// Whether samples are left out because of the data: without it every sample is computed.
-    #[arg(long, value_name = "WHICH", default_value = "both")]
-    pub skipping: Skipping,
-    /// Print one JSON object on each line.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// Lines of a benchmark: with, without skipping.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[allow(missing_docs, reason = "the names are the meaning")]
-pub enum Skipping {
-    On,
-    Off,
-    Both,
-}
-
-fn voxel_bits(text: &str) -> Result<u8, String> {
-    match text {
-        "8" => Ok(8),
-        "12" => Ok(12),
-        _ => Err(format!("'{text}' is neither 8 nor 12")),
-    }
 }
 
 /// What a command takes that is not served yet.

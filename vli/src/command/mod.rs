@@ -1,6 +1,7 @@
 //! The `volumepro` command.
 
 mod arguments;
+#[cfg(feature = "embedded")]
 mod bench;
 mod card;
 mod error;
@@ -42,7 +43,10 @@ fn execute(command: Command) -> Result<(), Error> {
         Command::Render(render) => render::run(&render),
         Command::Info { volume, input } => input::info(&volume, &input),
         Command::Phantom { name, size, output } => input::write_phantom(name, size, &output),
-        Command::Bench(bench) => bench::run(&bench),
+        #[cfg(feature = "embedded")]
+        Command::Bench(arguments) => bench::run(&arguments),
+        #[cfg(not(feature = "embedded"))]
+        Command::Bench(_) => Err(Error::input("bench: this program was built without the embedded card")),
         Command::Report(_) => refusals::command("report"),
         Command::Sdk(_) => refusals::command("sdk"),
     }

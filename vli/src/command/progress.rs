@@ -34,6 +34,14 @@ impl Progress {
             bar.set_position(done);
         }
     }
+
+    /// Does something that prints, with the bar out of the way.
+    pub fn pause<T>(&self, print: impl FnOnce() -> T) -> T {
+        match &self.bar {
+            Some(bar) => bar.suspend(print),
+            None => print(),
+        }
+    }
 }
 
 impl Drop for Progress {

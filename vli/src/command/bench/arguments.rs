@@ -16,12 +16,12 @@ pub struct Arguments {
     #[arg(long, help = "Scenes [default: all]", long_help = scenes(), value_name = "NAME,..", value_delimiter = ',',
         value_parser = Scene::from_str, hide_default_value = true, default_values = Scene::ALL.map(|it| it.name))]
     pub scene: Vec<Scene>,
-    /// Directions of view: +x, -x, +y, -y, +z, -z, corner [default: all].
+    /// Directions of view: +x, -x, +y, -y, +z, -z, corner.
     ///
-    /// A direction along an axis is inclined by 0.3 and 0.2 voxels per slice, corner by nearly a voxel along both: else
-    /// samples would lie on voxels, and no interpolation would be measured.
+    /// Rays along an axis advance 0.3 and 0.2 voxels aside per slice, those of corner 0.999 both ways: else samples would
+    /// lie on voxels, and no interpolation would be measured.
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = Axis::from_str, allow_hyphen_values = true,
-        hide_default_value = true, default_values = Axis::ALL.map(|it| it.name))]
+        default_value = "+z")]
     pub axis: Vec<Axis>,
     /// Voxels along each axis, 1..=256. The fixed cost of small frames is printed if 256 is among them.
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_value = "256", allow_negative_numbers = true,
@@ -56,8 +56,8 @@ pub struct Arguments {
 /// How figures come about.
 const EXPLANATION: &str = "\
 Engine times count: from taking a frame from the queue until its pixels are in pixel memory. The best of all frames is \
-what the machine can do, the median what it did; what else runs on it shows in the difference. The volume is an engine \
-block with noise, in linear voxel memory; every frame converts it anew. cycles/sample are those of all cores at work.
+what the machine can do, the median what it did; what else runs on it shows in the difference. The volume is like a \
+scan of a head with noise, in linear voxel memory; every frame converts it anew. Cycles are those of all cores at work, per sample.
 
 frame ms is the whole path, a median: from the library's work on a view, over all tables loaded anew and the start \
 command, until the pixels have been read back, through the socket. The overhead is that minus the engine's median.

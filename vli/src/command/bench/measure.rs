@@ -1,11 +1,10 @@
 //! Frames and how long they took.
 
 use super::scene::{Axis, Scene};
+use super::specimen::Specimen;
 use crate::command::error::Error;
 use crate::command::statistics::times;
-use crate::phantom::Phantom;
-use crate::values::ValueMapping;
-use crate::{Board, FrameReport, Volume, Voxels};
+use crate::{Board, FrameReport};
 use std::time::Duration;
 use vg500_regs::Field;
 use vg500_regs::table::report_omitted as omitted;
@@ -34,37 +33,6 @@ pub const fn forbid(omissions: &[Field]) -> u32 {
 
 /// The bits of the register `KEEP` of frames by brute force.
 pub const BRUTE_FORCE: u32 = forbid(&SKIPPING);
-
-/// A volume to be drawn.
-#[derive(Debug)]
-pub struct Specimen {
-    /// Voxels along each axis.
-    pub size: u32,
-    /// Bits of a voxel.
-    pub bits: u32,
-    /// The volume.
-    pub volume: Volume,
-}
-
-impl Specimen {
-    /// The engine block: the same values in voxels of 8 bits and of 12.
-    pub fn new(size: u32, bits: u32) -> Result<Self, Error> {
-        let scan = Phantom::ALL[0].volume([size as usize; 3]).map_err(Error::failure)?;
-        let voxels = ValueMapping::new(&scan, None).map_err(Error::failure)?.voxels(&scan);
-        let voxels = match voxels {
-            Voxels::Uint8(voxels) if bits == 12 => {
-                Voxels::Uint12Lower(voxels.iter().map(|&voxel| u16::from(voxel) << 4).collect())
-            }
-            voxels => voxels,
-        };
-        Ok(Self { size, bits, volume: Volume::new([size; 3], voxels).map_err(Error::failure)? })
-    }
-
-    /// Bytes of its voxels.
-    pub const fn bytes(size: u32, bits: u32) -> usize {
-        (size as usize).pow(3) * if bits == 8 { 1 } else { 2 }
-    }
-}
 
 /// What is measured: frames of a scene that keep what `keep` says.
 #[derive(Clone, Copy, Debug)]
@@ -104,7 +72,7 @@ pub fn measure(
     board.keep(*keep);
     let mut reports = Vec::new();
     for frame in 0..WARM_UP + frames {
-        scene.renew(&mut context, axis, frame);
+        scene.renew(&mut context, axis, frame)?;
         let report = board.render(&context, &specimen.volume)?.report;
         if frame >= WARM_UP {
             reports.push(report);
@@ -112,7 +80,10 @@ pub fn measure(
     }
     let last = reports.last().copied().unwrap_or_default();
     if keep & BRUTE_FORCE == BRUTE_FORCE && last.samples_processed != last.samples {
-        return Err(Error::failure(format!("{}: samples were left out against the register KEEP", scene.name)));
+        return Err(Error::failure(format!(
+            "{}: samples were left out against the register KEEP",
+            scene.name
+        )));
     }
     let seconds = |time: fn(&FrameReport) -> Duration| times(&reports, time).0 / 1e3;
     Ok(Timing {

@@ -1,6 +1,6 @@
 //! `volumepro bench`: how fast the card in this process renders, beside what the machine could do.
 //!
-//! [`machine`] measures the machine's limits, [`measure`] frames of a [`scene`]; [`stages`] are differences between
+//! [`machine`] measures the machine's limits, [`measure`] frames of a [`scene`] with a [`specimen`]; [`stages`] are differences between
 //! frames; [`output`] prints rows and tables.
 
 mod arguments;
@@ -8,6 +8,7 @@ mod machine;
 mod measure;
 mod output;
 mod scene;
+mod specimen;
 mod stages;
 
 pub use arguments::Arguments;
@@ -17,8 +18,9 @@ use super::error::Error;
 use super::progress::{Busy, Progress};
 use crate::Board;
 use machine::Machine;
-use measure::{BRUTE_FORCE, Setting, Specimen, Timing, measure};
+use measure::{BRUTE_FORCE, Setting, Timing, measure};
 use output::{Output, Row};
+use specimen::Specimen;
 use std::collections::BTreeMap;
 use std::time::Duration;
 use vg500_engine::{Level, Renderer};
@@ -33,8 +35,7 @@ const SMALL: f64 = 0.2e-3;
 pub fn run(arguments: &Arguments) -> Result<(), Error> {
     let cards = cards(arguments)?;
     let specimens = specimens(arguments)?;
-    let volumes: Vec<usize> =
-        specimens.iter().map(|specimen| Specimen::bytes(specimen.size, specimen.bits)).collect();
+    let volumes: Vec<usize> = specimens.iter().map(Specimen::bytes).collect();
     let mut output = Output::new(arguments.json, arguments.frames);
     let settings = settings(arguments);
     let measurements = if arguments.stages { stages::FRAMES.len() } else { settings.len() };
@@ -50,7 +51,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Error> {
         let mut bench = Bench {
             board: Board::embedded(&config, ANSWER).map_err(Error::failure)?,
             machine,
-            renderer,
+            level,
+            threads,
             frames: arguments.frames,
             full_rates: BTreeMap::new(),
         };
@@ -94,7 +96,7 @@ fn specimens(arguments: &Arguments) -> Result<Vec<Specimen>, Error> {
     let mut sizes = arguments.size.clone();
     sizes.sort_unstable_by(|a, b| b.cmp(a));
     let all = arguments.bits.iter().flat_map(|&bits| sizes.iter().map(move |&size| (size, bits)));
-    all.map(|(size, bits)| Specimen::new(size, bits)).collect()
+    all.map(|(size, bits)| Specimen::new(size, bits).map_err(Error::failure)).collect()
 }
 
 /// What is drawn of each volume.
@@ -114,7 +116,8 @@ fn settings(arguments: &Arguments) -> Vec<Setting> {
 struct Bench {
     board: Board,
     machine: Machine,
-    renderer: Renderer,
+    level: Level,
+    threads: usize,
     frames: u32,
     /// Samples per second of the largest volume, by scene, axis, skipping and bits.
     full_rates: BTreeMap<(&'static str, &'static str, bool, u32), f64>,
@@ -136,15 +139,14 @@ impl Bench {
             self.full_rates.insert(key, rate);
         }
         let at_full_rate = self.full_rates.get(&key).map(|full| timing.samples as f64 / full);
-        let bytes = Specimen::bytes(specimen.size, specimen.bits);
-        let limit = self.machine.limit(timing.samples, bytes, scene.is_classified());
+        let limit = self.machine.limit(timing.samples, specimen.bytes(), scene.is_classified());
         Ok(Row {
             scene: scene.name,
             axis: axis.name,
             size: specimen.size,
             bits: specimen.bits,
-            simd: self.level().name(),
-            threads: self.renderer.threads(),
+            simd: self.level.name(),
+            threads: self.threads,
             skipping,
             samples: timing.samples,
             samples_processed: timing.processed,
@@ -160,13 +162,6 @@ impl Bench {
             overhead_ms: (timing.whole - timing.median) * 1e3,
             fixed_us: at_full_rate.filter(|time| *time < SMALL).map(|time| (timing.best - time) * 1e6),
         })
-    }
-
-    fn level(&self) -> Level {
-        match self.renderer {
-            Renderer::Optimised { level, .. } => level,
-            Renderer::Reference => Level::detect(),
-        }
     }
 }
 

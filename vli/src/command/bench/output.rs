@@ -1,151 +1,194 @@
-//! Results, for people and for programs.
+//! What is printed: rows of JSON, or tables.
 
-use super::machine::Machine;
+use super::Bench;
+use super::machine::{Machine, WorkingSet};
+use super::specimen::Specimen;
+use super::stages::StageRow;
 use crate::command::error::Error;
-use crate::command::messages::print;
+use crate::command::messages::{print, say};
 use serde::Serialize;
+use vg500_engine::Level;
 
-/// A frame that would take less than this at the rate of large ones shows its fixed cost.
-const SMALL_MS: f64 = 0.2;
-
-/// A line of the results.
+/// What is printed about a scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Scene.
-    pub scene: String,
-    /// View.
-    pub axis: String,
+    /// The scene.
+    pub scene: &'static str,
+    /// The direction of view.
+    pub axis: &'static str,
     /// Voxels along each axis.
     pub size: u32,
     /// Bits of a voxel.
-    pub bits: u8,
+    pub bits: u32,
     /// Vector instructions.
-    pub simd: String,
+    pub simd: &'static str,
     /// Threads.
-    pub threads: u32,
-    /// Whether samples are left out because of the data.
+    pub threads: usize,
+    /// Whether blocks of samples that no pixel depends on were left out.
     pub skipping: bool,
-    /// Samples on rays.
+    /// Samples of a frame.
     pub samples: u64,
-    /// Samples that were processed.
+    /// Samples that were not left out.
     pub samples_processed: u64,
-    /// Million samples on rays per second of engine time: the best frame.
+    /// Of the best frame.
     pub msamples_per_s: f64,
-    /// The median frame.
+    /// Of the frame in the middle.
     pub median_msamples_per_s: f64,
     /// Engine time of the best frame.
     pub ms: f64,
-    /// Engine time of the median frame.
+    /// Engine time of the frame in the middle.
     pub median_ms: f64,
-    /// From the submission until the pixels are readable, through the socket: median.
-    pub frame_ms: f64,
-    /// What that takes beside the engine: median.
-    pub overhead_ms: f64,
-    /// Clocks of all threads for a sample, in the best frame.
+    /// Of all cores together, in the best frame.
     pub cycles_per_sample: f64,
-    /// Which of the machine's limits applies.
+    /// What limits the scene on this machine.
     pub limit: &'static str,
-    /// That limit in million samples per second.
+    /// How far.
     pub limit_msamples_per_s: f64,
-    /// Rate over limit.
+    /// How near the best frame came.
     pub fraction_of_limit: f64,
+    /// Median from submission until pixels were readable.
+    pub frame_ms: f64,
+    /// What of it is not the engine's median.
+    pub overhead_ms: f64,
+    /// What a small frame took more than at the rate of the largest volume.
+    pub fixed_us: Option<f64>,
 }
 
-/// Prints what the machine can do.
-pub fn machine(machine: &Machine, json: bool) -> Result<(), Error> {
-    if json {
-        return Ok(());
+/// Prints what was measured, as soon as it was.
+#[derive(Debug)]
+pub struct Output {
+    json: bool,
+    frames: u32,
+    heading: String,
+    /// Parts by which medians are slower than the best, and of which rows.
+    noise: Vec<(f64, String)>,
+}
+
+impl Output {
+    /// Nothing was printed yet.
+    pub const fn new(json: bool, frames: u32) -> Self {
+        Self { json, frames, heading: String::new(), noise: Vec::new() }
     }
-    let bandwidth: Vec<_> = machine
-        .bandwidth
-        .iter()
-        .map(|(bytes, rate)| format!("{:.0} GB/s of {} KiB", rate / 1e9, bytes >> 10))
-        .collect();
-    print(&format!(
-        "machine, {} threads: {:.2} GHz; reads {}; {:.0} million look-ups per second\n{HEAD}",
-        machine.threads,
-        machine.clock / 1e9,
-        bandwidth.join(", "),
-        machine.look_ups / 1e6,
-    ))
-}
 
-const HEAD: &str = "scene            axis   size bits simd     threads skip  M samples/s (median)    ms  clocks/sample  \
-                    of limit              frame ms  overhead ms\n";
-
-/// Prints a row; earlier ones tell the rate of large frames.
-pub fn row(row: &Row, earlier: &[Row], json: bool) -> Result<(), Error> {
-    if json {
-        let line = serde_json::to_string(row).map_err(Error::failure)?;
-        return print(&format!("{line}\n"));
-    }
-    print(&format!(
-        "{:<16} {:<6} {:>4} {:>4} {:<8} {:>7} {:<4} {:>12.0} {:>8} {:>7.2} {:>12.2}    {:>3.0} % {:<16} {:>8.2} {:>10.3}{}\n",
-        row.scene,
-        row.axis,
-        row.size,
-        row.bits,
-        row.simd,
-        row.threads,
-        if row.skipping { "on" } else { "off" },
-        row.msamples_per_s,
-        format!("({:.0})", row.median_msamples_per_s),
-        row.ms,
-        row.cycles_per_sample,
-        100.0 * row.fraction_of_limit,
-        row.limit,
-        row.frame_ms,
-        row.overhead_ms,
-        fixed_cost(row, earlier).map_or_else(String::new, |cost| format!("  fixed cost {cost:.0} us")),
-    ))
-}
-
-/// What a small frame takes beyond its share of a large one, in microseconds.
-fn fixed_cost(row: &Row, earlier: &[Row]) -> Option<f64> {
-    let same = |other: &&Row| {
-        [&other.scene, &other.axis, &other.simd] == [&row.scene, &row.axis, &row.simd]
-            && (other.bits, other.threads, other.skipping) == (row.bits, row.threads, row.skipping)
-    };
-    let large = earlier.iter().filter(same).max_by_key(|other| other.size)?;
-    let at_its_rate = row.samples as f64 / 1e3 / large.msamples_per_s;
-    (large.size > row.size && at_its_rate < SMALL_MS).then_some((row.ms - at_its_rate) * 1e3)
-}
-
-/// Prints what stages cost, as differences of scenes without skipping that were measured.
-pub fn stages(rows: &[Row]) -> Result<(), Error> {
-    const STAGES: [(&str, &str, Option<&str>); 6] = [
-        ("reading and interpolation", "mip", None),
-        ("classification and blending", "none", Some("mip")),
-        ("gradients and diffuse light", "diffuse", Some("none")),
-        ("specular light", "full-unmodulated", Some("diffuse")),
-        ("gradient magnitude and modulation", "full", Some("full-unmodulated")),
-        ("adding up instead of blending", "sum", Some("none")),
-    ];
-    let mut text = String::new();
-    let brute: Vec<_> = rows.iter().filter(|row| !row.skipping).collect();
-    let Some(first) = brute.first() else { return Ok(()) };
-    let of = |scene: &str| {
-        let same = |row: &&&Row| {
-            row.scene == scene
-                && [&row.axis, &row.simd] == [&first.axis, &first.simd]
-                && (row.size, row.bits, row.threads) == (first.size, first.bits, first.threads)
-        };
-        brute.iter().find(same).map(|row| row.cycles_per_sample)
-    };
-    for (stage, with, without) in STAGES {
-        let difference = match without {
-            Some(without) => of(with).zip(of(without)).map(|(with, without)| with - without),
-            None => of(with),
-        };
-        if let Some(clocks) = difference {
-            text += &format!("{stage:<36} {clocks:>6.2} clocks/sample\n");
+    /// Prints the limits of a machine: on standard error where standard output is for objects.
+    pub fn machine(&self, machine: &Machine, level: Level, threads: usize) -> Result<(), Error> {
+        let mut lines = vec![
+            format!("limits of this machine, {}, {}:", count(threads, "thread"), level.name()),
+            format!("  {:17}{:8.2} GHz", "clock", machine.clock / 1e9),
+            format!("  {:17}{:8.0} M/s   8-byte entries, 32 KiB", "table look-ups", machine.look_ups / 1e6),
+        ];
+        for (set, rate) in &machine.bandwidth {
+            lines.push(format!("  {:17}{:8.1} GB/s  {}", "read bandwidth", rate / 1e9, working_set(*set)));
         }
+        if self.json {
+            lines.iter().for_each(say);
+            return Ok(());
+        }
+        print(&format!("{}\n", lines.join("\n")))
     }
-    if text.is_empty() { Ok(()) } else { print(&format!("stages, as differences of scenes above:\n{text}")) }
+
+    /// Prints a row.
+    pub fn row(&mut self, row: &Row) -> Result<(), Error> {
+        let name = format!("{}, {}", row.scene, row.axis);
+        self.noise.push((row.median_ms / row.ms - 1.0, name));
+        if self.json {
+            return object(row);
+        }
+        let heading = format!(
+            "\n{size}^3 voxels of {} bits, {}, {}; {} frames\n{:17}{:7}{:9}{:>9}{:>9}{:>9}{:>8}  {:22}{:>10}{:>9}{:>10}\n",
+            row.bits,
+            row.simd,
+            count(row.threads, "thread"),
+            self.frames,
+            "scene",
+            "axis",
+            "skipping",
+            "M/s best",
+            "median",
+            "ms",
+            "cycles",
+            "limit",
+            "frame ms",
+            "overhead",
+            "fixed us",
+            size = row.size,
+        );
+        if heading != self.heading {
+            print(&heading)?;
+            self.heading = heading;
+        }
+        let limit = format!("{:3.0} % of {}", 100.0 * row.fraction_of_limit, row.limit);
+        print(&format!(
+            "{:17}{:7}{:9}{:9.0}{:9.0}{:9.3}{:8.2}  {limit:22}{:10.3}{:9.3}{:>10}\n",
+            row.scene,
+            row.axis,
+            if row.skipping { "on" } else { "off" },
+            row.msamples_per_s,
+            row.median_msamples_per_s,
+            row.ms,
+            row.cycles_per_sample,
+            row.frame_ms,
+            row.overhead_ms,
+            row.fixed_us.map_or_else(String::new, |fixed| format!("{fixed:.0}")),
+        ))
+    }
+
+    /// Prints what stages cost.
+    pub fn stages(&self, bench: &Bench, specimen: &Specimen, rows: &[StageRow]) -> Result<(), Error> {
+        if self.json {
+            return rows.iter().try_for_each(object);
+        }
+        let (size, bits, frames) = (specimen.size, specimen.bits, self.frames);
+        let (level, threads) = (bench.level.name(), count(bench.threads, "thread"));
+        let mut lines = vec![
+            format!("\n{size}^3 voxels of {bits} bits, {level}, {threads}; best of {frames} frames each"),
+            format!("{:47}{:>10}{:>15}  {}", "stage", "ns/sample", "cycles/sample", "frames compared"),
+        ];
+        for StageRow { stage, difference, ns_per_sample, cycles_per_sample, .. } in rows {
+            lines.push(format!("{stage:47}{ns_per_sample:10.3}{cycles_per_sample:15.2}  {difference}"));
+        }
+        lines.push(
+            "stages overlap in the processor: their costs need not add up; small ones are noise".into(),
+        );
+        print(&format!("{}\n", lines.join("\n")))
+    }
+
+    /// Says how noisy the measurements were.
+    pub fn finish(&self) -> Result<(), Error> {
+        let worst = self.noise.iter().max_by(|(a, _), (b, _)| a.total_cmp(b));
+        let Some((worst, name)) = worst else { return Ok(()) };
+        let mean = self.noise.iter().map(|(part, _)| part).sum::<f64>() / self.noise.len() as f64;
+        let line = format!(
+            "noise: the median frame took {:.0} % longer than the best on average, {:.0} % at worst ({name})",
+            100.0 * mean,
+            100.0 * worst,
+        );
+        if self.json {
+            say(line);
+            return Ok(());
+        }
+        print(&format!("\n{line}\n"))
+    }
 }
 
-/// The middle of some numbers.
-pub fn median(mut numbers: Vec<f64>) -> f64 {
-    numbers.sort_by(f64::total_cmp);
-    numbers.get(numbers.len() / 2).copied().unwrap_or(0.0)
+/// Prints an object in a line.
+fn object(row: &impl Serialize) -> Result<(), Error> {
+    print(&format!("{}\n", serde_json::to_string(row).map_err(Error::failure)?))
+}
+
+fn count(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+fn working_set(set: WorkingSet) -> String {
+    let (bytes, whose) = match set {
+        WorkingSet::Each(bytes) => (bytes, "for each thread"),
+        WorkingSet::All(bytes) => (bytes, "in all"),
+    };
+    let size = match bytes {
+        0..1024 => format!("{bytes} B"),
+        1024..1_048_576 => format!("{} KiB", bytes >> 10),
+        _ => format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20)),
+    };
+    format!("{size} {whose}")
 }
