@@ -6,6 +6,7 @@
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
+mod bell;
 mod line;
 #[cfg(test)]
 mod tests;
@@ -15,6 +16,7 @@ use std::os::fd::OwnedFd;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use bell::Bell;
 use line::Line;
 
 use crate::pci::CommandRegister;
@@ -97,6 +99,7 @@ struct State {
 pub struct Interrupts {
     command: Arc<CommandRegister>,
     state: Mutex<State>,
+    bell: Bell,
     lost: AtomicU64,
 }
 
@@ -112,7 +115,12 @@ impl Interrupts {
             InterruptMode::Intx => [1, 0, 0, 1, 1],
         };
         let lines = counts.map(|count| std::iter::repeat_with(Line::default).take(count).collect());
-        Self { command, state: Mutex::new(State { lines, causes: 0 }), lost: AtomicU64::new(0) }
+        Self {
+            command,
+            state: Mutex::new(State { lines, causes: 0 }),
+            bell: Bell::new(),
+            lost: AtomicU64::new(0),
+        }
     }
 
     /// How many interrupts of a kind there are.
@@ -168,7 +176,7 @@ impl Interrupts {
         self.lock().of(Kind::Request).iter().for_each(|line| self.signal(line));
     }
 
-    /// Interrupts that could not be signalled because the client's descriptor did not take them.
+    /// Interrupts that could not be signalled because the client's descriptor does not count events.
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
@@ -236,7 +244,7 @@ impl Interrupts {
     }
 
     fn signal(&self, line: &Line) {
-        if line.event.is_some() && !line.signal() {
+        if line.event.as_ref().is_some_and(|event| !self.bell.ring(event)) {
             self.lost.fetch_add(1, Ordering::Relaxed);
         }
     }

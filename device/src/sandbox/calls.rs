@@ -111,6 +111,11 @@ pub const GROUPS: &[Group] = &[
         ],
     },
     Group {
+        purpose: "interrupts, without waiting for a client that does not take them",
+        treatment: Treatment::Allowed,
+        calls: calls![SYS_io_setup, SYS_io_submit, SYS_io_getevents, SYS_io_destroy],
+    },
+    Group {
         purpose: "waiting for clients, signals, other threads and the time",
         treatment: Treatment::Allowed,
         calls: calls![
