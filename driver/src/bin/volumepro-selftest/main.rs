@@ -9,6 +9,7 @@ mod meter;
 mod resets;
 mod rig;
 mod scene;
+mod sections;
 mod strict;
 
 use std::process::ExitCode;
@@ -96,6 +97,8 @@ fn run(arguments: &Arguments, results: &mut Results) {
         ("memories", &memories::patterns),
         ("frame", &memories::frame),
         ("device-view", &memories::device_view),
+        ("sections", &sections::records),
+        ("spoiled-sections", &sections::spoiled),
         ("transfers", &frames::transfers),
         ("steady-frame", &frames::steady),
         ("interrupts", &|rig| frames::interrupts(rig, arguments.interrupts)),
@@ -113,7 +116,6 @@ fn run(arguments: &Arguments, results: &mut Results) {
     }
     results.note("strict-clean", strict_clean(&rig, arguments.strict));
     // Mistakes for a card in strict mode, from here on.
-    results.note("sections", memories::sections(&rig));
     results.note("refused-frame", frames::refusal(&rig));
     results.note("unmapped-memory", frames::unmapped(&rig));
     let untrapped = || memories::untrapped(&before?, &rig.card.trapped_accesses()?);

@@ -4,10 +4,9 @@
 use std::ops::Range;
 
 use vg500_regs::memory::{plane_bytes, plane_offset};
-use vg500_regs::pci::{BARS, Bar, PIXEL_MEMORY, SECTION_MEMORY};
-use vg500_regs::table::output;
-use vg500_regs::{FaultCode, PixelFormat, PlaneFormat};
-use volumepro_driver::{Error, Rectangle, TrappedAccesses};
+use vg500_regs::pci::{BARS, Bar, PIXEL_MEMORY};
+use vg500_regs::{PixelFormat, PlaneFormat};
+use volumepro_driver::{Rectangle, TrappedAccesses};
 
 use crate::rig::{Failure, Rig, ensure};
 use crate::scene::{self, compare};
@@ -47,7 +46,7 @@ fn parts(size: usize) -> impl Iterator<Item = Range<usize>> {
 }
 
 /// Bytes that differ from memory to memory and do not repeat with any power of two.
-fn pattern(bar: Bar, range: Range<usize>) -> Vec<u8> {
+pub fn pattern(bar: Bar, range: Range<usize>) -> Vec<u8> {
     let seed = bar.index.wrapping_mul(0x9e37_79b9);
     range.map(|at| ((at as u32).wrapping_add(seed).wrapping_mul(0x85eb_ca6b) >> 19) as u8).collect()
 }
@@ -78,28 +77,6 @@ pub fn device_view(rig: &Rig) -> Result<String, Failure> {
     target.view().read(0, &mut arrived)?;
     compare(&arrived, &written)?;
     Ok(format!("{} KiB written to pixel memory came back by bus mastering", written.len() >> 10))
-}
-
-/// Section memory: the card writes it while it renders in sections, and the picture is the same.
-pub fn sections(rig: &Rig) -> Result<String, Failure> {
-    let memory = rig.memory(SECTION_MEMORY)?;
-    let before = pattern(SECTION_MEMORY, 0..memory.size());
-    memory.write(0, &before)?;
-    let mut registers = rig.scene.registers.clone();
-    registers.set(output::SECTIONS, 1);
-    let ticket = rig.card.submit(&rig.scene.plane, &registers)?;
-    match rig.card.wait(ticket, scene::SOON) {
-        Err(Error::Refused { fault, .. }) if fault.code == FaultCode::NotServed => {
-            return Ok("written and read by this process; this card renders without sections".into());
-        }
-        other => other?,
-    }
-    compare(&rig.card.read_pixels(&rig.scene.plane, scene::rectangle())?, &scene::picture())?;
-    let mut after = vec![0; memory.size()];
-    memory.read(0, &mut after)?;
-    let changed = before.iter().zip(&after).filter(|(before, after)| before != after).count();
-    ensure(changed > 0, || "the card has not written section memory".into())?;
-    Ok(format!("the card changed {changed} bytes, pixels as without sections"))
 }
 
 /// Accesses to the mapped memories that the card saw as messages.

@@ -95,18 +95,18 @@ fn load_tables(card: &Card) -> Result<(), Error> {
 }
 
 /// Depth of the opaque voxel of a column; some columns have none.
-fn depth(x: u32, y: u32) -> u32 {
+pub fn depth(x: u32, y: u32) -> u32 {
     (x + 3 * y) % (SIZE[2] + 1)
 }
 
-fn voxel([x, y, z]: [u32; 3]) -> u8 {
+pub fn voxel([x, y, z]: [u32; 3]) -> u8 {
     match z {
         z if z < depth(x, y) => 0,
         z => (1 + (5 * x + 11 * y + 17 * z) % 255) as u8,
     }
 }
 
-fn color(value: u8) -> [u8; 3] {
+pub fn color(value: u8) -> [u8; 3] {
     [value, !value, value.rotate_left(3)]
 }
 
