@@ -35,7 +35,7 @@ pub struct Arguments {
     #[arg(long, value_name = "LEVEL,..", value_delimiter = ',', default_value = "auto")]
     pub simd: Vec<Simd>,
     /// Threads that the engine uses [default: one for each core].
-    #[arg(long, value_name = "N,..", value_delimiter = ',', value_parser = value_parser!(u16).range(1..),
+    #[arg(long, value_name = "N,..", value_delimiter = ',', value_parser = value_parser!(u16).range(1..=256),
         allow_negative_numbers = true)]
     pub threads: Vec<u16>,
     /// Whether blocks of samples that no pixel depends on are left out: off is brute force, every sample of every ray.
@@ -57,7 +57,8 @@ pub struct Arguments {
 const EXPLANATION: &str = "\
 Engine times count: from taking a frame from the queue until its pixels are in pixel memory. The best of all frames is \
 what the machine can do, the median what it did; what else runs on it shows in the difference. The volume is like a \
-scan of a head with noise, in linear voxel memory; every frame converts it anew. Cycles are those of all cores at work, per sample.
+scan of a head with noise, in linear voxel memory; every frame converts it anew. Cycles are those of all cores at work, per sample; done is which part of the samples was \
+processed.
 
 frame ms is the whole path, a median: from the library's work on a view, over all tables loaded anew and the start \
 command, until the pixels have been read back, through the socket. The overhead is that minus the engine's median.
@@ -69,7 +70,7 @@ The machine's limits are measured first, with the same number of threads:
 No scene is faster than its limit by brute force: a sample that is blended by opacity or added takes a look-up of \
 colour and opacity; every voxel is read once per frame, which is all that mip and minip cannot do without. The lower \
 limit is shown. Lights are bound by arithmetic instead, so that their fraction tells what light costs. With skipping a \
-rate counts samples left out too, and may exceed the limit.
+rate counts samples left out, too, and may exceed the limit.
 
 Where 256^3 voxels' rate would take less than 0.2 ms for a frame, fixed us is what the frame took more than that.";
 

@@ -8,9 +8,9 @@ use vg500_engine::Level;
 use vg500_engine::optimised::simd::{Simd, Work};
 
 /// Rounds of each measurement, of which the fastest counts.
-const ROUNDS: usize = 9;
+const ROUNDS: usize = 25;
 /// How long a round takes.
-const ROUND: Duration = Duration::from_millis(3);
+const ROUND: Duration = Duration::from_millis(2);
 /// What a thread does between two looks at the time, in bytes or steps.
 const PORTION: usize = 1 << 20;
 

@@ -79,12 +79,6 @@ pub fn measure(
         }
     }
     let last = reports.last().copied().unwrap_or_default();
-    if keep & BRUTE_FORCE == BRUTE_FORCE && last.samples_processed != last.samples {
-        return Err(Error::failure(format!(
-            "{}: samples were left out against the register KEEP",
-            scene.name
-        )));
-    }
     let seconds = |time: fn(&FrameReport) -> Duration| times(&reports, time).0 / 1e3;
     Ok(Timing {
         samples: last.samples,

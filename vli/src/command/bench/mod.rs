@@ -38,7 +38,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Error> {
     let volumes: Vec<usize> = specimens.iter().map(Specimen::bytes).collect();
     let mut output = Output::new(arguments.json, arguments.frames);
     let settings = settings(arguments);
-    let measurements = if arguments.stages { stages::FRAMES.len() } else { settings.len() };
+    let measurements =
+        if arguments.stages { stages::FRAMES.len() * stages::TURNS as usize } else { settings.len() };
     let mut progress = Steps::new((cards.len() * specimens.len() * measurements) as u64);
     for renderer in cards {
         let Renderer::Optimised { level, threads } = renderer else { continue };
@@ -124,13 +125,13 @@ struct Bench {
 }
 
 impl Bench {
-    fn time(&mut self, specimen: &Specimen, setting: &Setting) -> Result<Timing, Error> {
-        measure(&mut self.board, specimen, setting, self.frames)
+    fn time(&mut self, specimen: &Specimen, setting: &Setting, frames: u32) -> Result<Timing, Error> {
+        measure(&mut self.board, specimen, setting, frames)
     }
 
     /// Measures a scene.
     fn row(&mut self, specimen: &Specimen, setting: &Setting) -> Result<Row, Error> {
-        let timing = self.time(specimen, setting)?;
+        let timing = self.time(specimen, setting, self.frames)?;
         let Setting { scene, axis, keep } = setting;
         let skipping = *keep == 0;
         let rate = timing.samples as f64 / timing.best;

@@ -94,43 +94,13 @@ impl Output {
         if self.json {
             return object(row);
         }
-        let heading = format!(
-            "\n{size}^3 voxels of {} bits, {}, {}; {} frames\n{:17}{:7}{:9}{:>9}{:>9}{:>9}{:>8}  {:22}{:>10}{:>9}{:>10}\n",
-            row.bits,
-            row.simd,
-            count(row.threads, "thread"),
-            self.frames,
-            "scene",
-            "axis",
-            "skipping",
-            "M/s best",
-            "median",
-            "ms",
-            "cycles",
-            "limit",
-            "frame ms",
-            "overhead",
-            "fixed us",
-            size = row.size,
-        );
+        let threads = count(row.threads, "thread");
+        let heading = format!("{}^3 voxels of {} bits, {}, {threads}", row.size, row.bits, row.simd);
         if heading != self.heading {
-            print(&heading)?;
+            print(&format!("\n{heading}; {} frames\n{COLUMNS}\n", self.frames))?;
             self.heading = heading;
         }
-        let limit = format!("{:3.0} % of {}", 100.0 * row.fraction_of_limit, row.limit);
-        print(&format!(
-            "{:17}{:7}{:9}{:9.0}{:9.0}{:9.3}{:8.2}  {limit:22}{:10.3}{:9.3}{:>10}\n",
-            row.scene,
-            row.axis,
-            if row.skipping { "on" } else { "off" },
-            row.msamples_per_s,
-            row.median_msamples_per_s,
-            row.ms,
-            row.cycles_per_sample,
-            row.frame_ms,
-            row.overhead_ms,
-            row.fixed_us.map_or_else(String::new, |fixed| format!("{fixed:.0}")),
-        ))
+        print(&format!("{}\n", line(row).trim_end()))
     }
 
     /// Prints what stages cost.
@@ -169,6 +139,29 @@ impl Output {
         }
         print(&format!("\n{line}\n"))
     }
+}
+
+/// What stands over rows.
+const COLUMNS: &str = "scene            axis   skipping  M/s best   median        ms  cycles   done  \
+                       limit                   frame ms overhead  fixed us";
+
+/// A row of the table.
+fn line(row: &Row) -> String {
+    let limit = format!("{:3.0} % of {}", 100.0 * row.fraction_of_limit, row.limit);
+    format!(
+        "{:17}{:7}{:8}{:10.0}{:9.0}{:10.3}{:8.2}{:5.0} %  {limit:22}{:10.3}{:9.3}{:>10}",
+        row.scene,
+        row.axis,
+        if row.skipping { "on" } else { "off" },
+        row.msamples_per_s,
+        row.median_msamples_per_s,
+        row.ms,
+        row.cycles_per_sample,
+        100.0 * row.samples_processed as f64 / row.samples as f64,
+        row.frame_ms,
+        row.overhead_ms,
+        row.fixed_us.map_or_else(String::new, |fixed| format!("{fixed:.0}")),
+    )
 }
 
 /// Prints an object in a line.

@@ -109,6 +109,8 @@ impl Scene {
     /// The context of a frame of this scene in a volume of `size` voxels along each axis.
     pub fn context(&self, axis: &Axis, size: u32) -> Result<Context, Error> {
         let mut context = Context::new(self.table(0.0)?);
+        // Opacities are those of samples, whatever their distance: what they let be skipped depends on no view.
+        context.correct_opacity = false;
         context.camera = look_at(-axis.direction(), DVec3::ZERO, axis.up())?;
         context.blend = self.blend;
         context.supersampling = Supersampling::new([1, 1, self.slices], Accumulation::Grow)?;

@@ -3,12 +3,13 @@
 //! Stages are switched by scenes and by the register `KEEP`, which makes the engine compute what a frame does not
 //! need. Those frames go through the general pipeline, in which every stage asks whether it is needed.
 
-use super::measure::{BRUTE_FORCE, Setting, Timing, forbid};
+use super::measure::{BRUTE_FORCE, Setting, forbid};
 use super::scene::{Axis, Scene};
 use super::specimen::Specimen;
 use super::{Bench, Steps};
 use crate::command::error::Error;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use vg500_regs::Field;
 use vg500_regs::table::report_omitted::{
     CLASSIFICATION, DECISIONS, GRADIENT, INTERPOLATION_X, INTERPOLATION_Y, INTERPOLATION_Z, MODULATION,
@@ -71,19 +72,23 @@ pub struct StageRow {
     pub cycles_per_sample: f64,
 }
 
+/// How often all frames are measured, each time a part of them: what disturbs one kind disturbs the others too.
+pub const TURNS: u32 = 3;
+
 /// Measures all stages. The best frames are compared.
 pub fn measure(bench: &mut Bench, specimen: &Specimen, progress: &mut Steps) -> Result<Vec<StageRow>, Error> {
-    let mut timings: Vec<(&str, Timing)> = Vec::new();
-    for (name, scene, axis, kept) in FRAMES {
-        let scene: Scene = scene.parse().map_err(Error::failure)?;
-        let setting = Setting { scene, axis, keep: BRUTE_FORCE | forbid(kept) };
-        timings.push((name, bench.time(specimen, &setting)?));
-        progress.step();
+    let mut best: BTreeMap<&str, f64> = BTreeMap::new();
+    for _ in 0..TURNS {
+        for (name, scene, axis, kept) in FRAMES {
+            let scene: Scene = scene.parse().map_err(Error::failure)?;
+            let setting = Setting { scene, axis, keep: BRUTE_FORCE | forbid(kept) };
+            let timing = bench.time(specimen, &setting, bench.frames.div_ceil(TURNS))?;
+            let seconds = best.entry(name).or_insert(f64::INFINITY);
+            *seconds = seconds.min(timing.best / timing.samples as f64);
+            progress.step();
+        }
     }
-    let per_sample = |name: &str| {
-        let found = timings.iter().find(|(known, _)| *known == name);
-        found.map_or(f64::NAN, |(_, timing)| timing.best / timing.samples as f64)
-    };
+    let per_sample = |name: &str| best.get(name).copied().unwrap_or(f64::NAN);
     let row = |(stage, with, without): (&'static str, &str, Option<&str>)| {
         let seconds = per_sample(with) - without.map_or(0.0, per_sample);
         StageRow {
