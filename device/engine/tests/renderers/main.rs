@@ -16,6 +16,7 @@ mod scene;
 mod blocks;
 mod error;
 mod frames;
+mod guard_pages;
 mod omissions;
 mod optimised;
 mod registers;
