@@ -36,6 +36,7 @@ impl Progress {
     }
 
     /// Does something that prints, with the bar out of the way.
+    #[cfg(feature = "embedded")]
     pub fn pause<T>(&self, print: impl FnOnce() -> T) -> T {
         match &self.bar {
             Some(bar) => bar.suspend(print),

@@ -69,8 +69,11 @@ The machine's limits are measured first, with the same number of threads:
   read bandwidth   exclusive or of all words of a working set, with the instructions of --simd
 No scene is faster than its limit by brute force: a sample that is blended by opacity or added takes a look-up of \
 colour and opacity; every voxel is read once per frame, which is all that mip and minip cannot do without. The lower \
-limit is shown. Lights are bound by arithmetic instead, so that their fraction tells what light costs. With skipping a \
+limit is shown. Lights are bound by arithmetic instead, so that their fraction tells what light costs (--stages \
+tells it stage by stage). With skipping a \
 rate counts samples left out, too, and may exceed the limit.
+
+The chip of 1999 processed 500 million samples per second in every scene: four pipelines at 125 MHz.
 
 Where 256^3 voxels' rate would take less than 0.2 ms for a frame, fixed us is what the frame took more than that.";
 

@@ -8,7 +8,7 @@ use vg500_engine::Level;
 use vg500_engine::optimised::simd::{Simd, Work};
 
 /// Rounds of each measurement, of which the fastest counts.
-const ROUNDS: usize = 25;
+const ROUNDS: usize = 40;
 /// How long a round takes.
 const ROUND: Duration = Duration::from_millis(2);
 /// What a thread does between two looks at the time, in bytes or steps.
@@ -66,8 +66,8 @@ impl Machine {
         sets.sort_by_key(|set| set.bytes(cores));
         Self {
             cores,
-            clock: rate(cores, additions) / cores as f64,
-            look_ups: rate(cores, look_ups),
+            clock: apart(&rates(cores, additions)) / cores as f64,
+            look_ups: apart(&rates(cores, look_ups)),
             bandwidth: sets.into_iter().map(|set| (set, bandwidth(level, cores, set))).collect(),
         }
     }
@@ -104,9 +104,9 @@ impl WorkingSet {
     }
 }
 
-/// How much threads do per second when they work at the same time: the best of some rounds. What `prepare` makes for
-/// each of them does a portion of the work, and says how much that was.
-fn rate<W: FnMut() -> usize>(threads: usize, prepare: impl Fn() -> W + Sync) -> f64 {
+/// How much each of some threads does per second, in each round, when they work at the same time. What `prepare` makes
+/// for a thread does a portion of the work, and says how much that was.
+fn rates<W: FnMut() -> usize>(threads: usize, prepare: impl Fn() -> W + Sync) -> Vec<[f64; ROUNDS]> {
     let barrier = Barrier::new(threads);
     let measure = || {
         let mut work = prepare();
@@ -121,12 +121,19 @@ fn rate<W: FnMut() -> usize>(threads: usize, prepare: impl Fn() -> W + Sync) -> 
     };
     thread::scope(|scope| {
         let others: Vec<_> = (1..threads).map(|_| scope.spawn(measure)).collect();
-        let mut rates = measure();
-        for other in others.into_iter().filter_map(|thread| thread.join().ok()) {
-            rates.iter_mut().zip(other).for_each(|(rate, other)| *rate += other);
-        }
-        rates.into_iter().fold(0.0, f64::max)
+        let own = measure();
+        others.into_iter().filter_map(|thread| thread.join().ok()).chain([own]).collect()
     })
+}
+
+/// What threads do per second that share nothing: each in its best round.
+fn apart(rates: &[[f64; ROUNDS]]) -> f64 {
+    rates.iter().map(|rounds| rounds.iter().copied().fold(0.0, f64::max)).sum()
+}
+
+/// What threads do per second that share caches and memory: all of them in the best round.
+fn together(rates: &[[f64; ROUNDS]]) -> f64 {
+    (0..ROUNDS).map(|round| rates.iter().map(|rounds| rounds[round]).sum()).fold(0.0, f64::max)
 }
 
 /// Steps of a cycle each: every one needs the result of the one before, and cannot be merged with it.
@@ -177,7 +184,7 @@ struct Block([u64; 16]);
 /// Bytes per second that threads read of a working set.
 fn bandwidth(level: Level, threads: usize, set: WorkingSet) -> f64 {
     let bytes = set.bytes(threads) / threads;
-    rate(threads, move || {
+    together(&rates(threads, move || {
         let blocks = vec![Block([1; 16]); bytes.div_ceil(size_of::<Block>()).max(1)];
         let bytes = size_of_val(&*blocks);
         let passes = PORTION.div_ceil(bytes);
@@ -187,7 +194,7 @@ fn bandwidth(level: Level, threads: usize, set: WorkingSet) -> f64 {
             }
             passes * bytes
         }
-    })
+    }))
 }
 
 /// Reads all of some blocks.
@@ -243,6 +250,13 @@ mod tests {
         assert_eq!(sets, [16, 24 << 10, 512 << 10, 8 << 20, 64 << 20]);
         assert!(machine.clock > 0.0 && machine.look_ups > 0.0);
         assert!(machine.bandwidth.iter().all(|(_, rate)| *rate > 0.0));
+    }
+
+    #[test]
+    fn rounds_count_for_each_thread_or_for_all() {
+        let mut rates = [[1.0; ROUNDS]; 2];
+        (rates[0][3], rates[1][4]) = (5.0, 7.0);
+        assert_eq!((apart(&rates), together(&rates)), (12.0, 8.0));
     }
 
     #[test]

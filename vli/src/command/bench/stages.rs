@@ -73,7 +73,7 @@ pub struct StageRow {
 }
 
 /// How often all frames are measured, each time a part of them: what disturbs one kind disturbs the others too.
-pub const TURNS: u32 = 3;
+pub const TURNS: u32 = 7;
 
 /// Measures all stages. The best frames are compared.
 pub fn measure(bench: &mut Bench, specimen: &Specimen, progress: &mut Steps) -> Result<Vec<StageRow>, Error> {
