@@ -95,7 +95,7 @@ fn load_tables(card: &Card) -> Result<(), Error> {
 }
 
 /// Depth of the opaque voxel of a column; some columns have none.
-pub fn depth(x: u32, y: u32) -> u32 {
+fn depth(x: u32, y: u32) -> u32 {
     (x + 3 * y) % (SIZE[2] + 1)
 }
 

@@ -12,7 +12,7 @@ use vg500_regs::{BlendMode, Field, FrameRegisters, VoxelFormat};
 
 use crate::memories::pattern;
 use crate::rig::{Failure, Rig, ensure};
-use crate::scene::{SIZE, SOON, color, compare, depth, picture, rectangle, voxel};
+use crate::scene::{self, SIZE, SOON, compare, picture, rectangle, voxel};
 
 /// Voxels along each axis of the frame that is spoiled, and sample slices per voxel slice: some tens of
 /// milliseconds.
@@ -44,29 +44,34 @@ pub fn records(rig: &Rig) -> Result<String, Failure> {
     Ok(format!("{} records as expected, nothing else written, pixels as without sections", ny * nz))
 }
 
-/// What the first section of the frame of [`crate::scene`] hands over of a beam on a slice: its last voxel and samples,
-/// which are voxels, and its last finished ray, which ends at the first opaque voxel.
+/// What the first section of the frame of [`crate::scene`] hands over of a beam on a slice: its last voxel, its last
+/// samples, which are voxels, and the ray that it has finished last.
 fn left_behind(y: u32, z: u32) -> [u32; record_words(BlendMode::Alpha)] {
-    let wide = |byte: u8| u32::from(byte) << 4 | u32::from(byte) >> 4;
     let value = |behind| u32::from(voxel([SECTION_WIDTH - behind, y, z])) << 4;
-    let ray = SECTION_WIDTH - 3;
-    let opaque = depth(ray, y);
-    let ([red, green, blue], alpha) = match z < opaque {
-        true => ([0; 3], 0),
-        false => (color(voxel([ray, y, opaque])).map(wide), wide(255)),
-    };
+    let (color, alpha) = (0..=z).fold(([0; 3], 0), |ray, z| blend(ray, voxel([SECTION_WIDTH - 3, y, z])));
     let fields: [(Field, u32); _] = [
         (VOXEL_VALUE, value(1) << 3),
         (SAMPLE, value(2)),
         (BEFORE, value(3)),
-        (RED, red),
-        (GREEN, green),
-        (BLUE, blue),
+        (RED, color[0]),
+        (GREEN, color[1]),
+        (BLUE, color[2]),
         (ALPHA, alpha),
     ];
     let mut words = [0; _];
     fields.into_iter().for_each(|(field, value)| words[field.register as usize / 4] |= field.put(value));
     words
+}
+
+/// Alpha blending by the programming manual: a ray's color and opacity of 12 bits behind one more voxel.
+fn blend((color, alpha): ([u32; 3], u32), value: u8) -> ([u32; 3], u32) {
+    let part = |a: u32, b: u32| (a * b + 2048) >> 12;
+    let opacity = if value == 0 { 0 } else { 0xfff };
+    let wide = scene::color(value).map(|byte| u32::from(byte) << 4 | u32::from(byte) >> 4);
+    let add = |sum: u32, color: u32| sum + part(part(color, opacity), 0xfff - alpha);
+    let [red, green, blue] = color;
+    let color = [add(red, wide[0]), add(green, wide[1]), add(blue, wide[2])];
+    (color, alpha + part(opacity, 0xfff - alpha))
 }
 
 /// A frame in sections whose records this process writes over meanwhile is spoiled, and only that frame.
