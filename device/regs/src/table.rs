@@ -496,6 +496,7 @@ registers! {
         CLASSIFICATION 13 +1 CODE "Colours of samples that are not the extreme one: looked up once for each ray."
         DECISIONS 14 +1 CODE "Questions after which stage is needed: the pipeline was built for just these stages. \
                               0: the general pipeline, which asks."
+        COLORS 15 +1 CODE "Two of three colour channels: colours and highlights are grey."
         EMPTY_BLOCKS 16 +1 CODE "Blocks of samples that are transparent whatever lies between their voxels."
         FINISHED_RAYS 17 +1 CODE "Blocks of samples on rays that can no longer change."
         BEATEN_BLOCKS 18 +1 CODE "Blocks of samples that cannot hold a new extreme value."

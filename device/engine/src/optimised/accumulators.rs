@@ -1,5 +1,6 @@
 //! The accumulators of the rays of a tile.
 
+use super::features::Features;
 use super::line::Block;
 use super::simd::{MOST_LANES, Simd};
 use super::tables::Classification;
@@ -41,6 +42,8 @@ pub enum Layout {
 #[derive(Debug, Default)]
 pub struct Accumulators {
     layout: Layout,
+    /// Whether red stands for all colours: the other planes are not used.
+    grey: bool,
     planes: Vec<[Channel<u16>; CHANNELS]>,
     rays: Vec<Channel<[u16; 4]>>,
     sums: Vec<[Channel<u32>; CHANNELS]>,
@@ -54,8 +57,10 @@ pub const fn no_extreme(blend: BlendMode) -> i16 {
 
 impl Accumulators {
     /// Empties the accumulators of `rows` rows of `columns` rays.
-    pub fn clear(&mut self, layout: Layout, blend: BlendMode, rows: usize, columns: usize) {
-        self.layout = layout;
+    pub fn clear(&mut self, features: Features, rows: usize, columns: usize) {
+        let Features { blend, .. } = features;
+        let layout = features.layout();
+        (self.layout, self.grey) = (layout, features.grey);
         let mut empty = [Channel([0; ROW]); CHANNELS];
         if matches!(blend, BlendMode::Maximum | BlendMode::Minimum) {
             // No sample beats what lies beside the base plane.
@@ -109,7 +114,7 @@ impl Accumulators {
             Layout::Rays => of(self.rays[row].0[at]),
             Layout::Planes => {
                 let [r, g, b, alpha, extreme] =
-                    [0, 1, 2, 3, 4].map(|channel: usize| self.planes[row][channel].0[at]);
+                    self.channels().map(|channel: usize| self.planes[row][channel].0[at]);
                 let extremes = matches!(blend, BlendMode::Maximum | BlendMode::Minimum);
                 let valid = extremes && extreme != no_extreme(blend).cast_unsigned();
                 Ray { extreme: if valid { extreme } else { 0 }, valid, ..of([r, g, b, alpha]) }
@@ -150,7 +155,7 @@ impl Accumulators {
                 row.iter().enumerate().for_each(|(column, ray)| each(column, *ray));
             }
             Layout::Planes => {
-                let [r, g, b, a, _] = &self.planes[row];
+                let [r, g, b, a, _] = self.channels().map(|channel| &self.planes[row][channel]);
                 for column in 0..rays {
                     let at = MARGIN + column;
                     each(column, [r.0[at], g.0[at], b.0[at], a.0[at]]);
@@ -158,6 +163,11 @@ impl Accumulators {
             }
             Layout::Sums => {}
         }
+    }
+
+    /// The plane that each channel is in.
+    const fn channels(&self) -> [usize; CHANNELS] {
+        if self.grey { [0, 0, 0, ALPHA, EXTREME] } else { [0, 1, 2, ALPHA, EXTREME] }
     }
 
     /// The extremes of a row, from the first column on.

@@ -3,6 +3,7 @@
 use super::accumulators::Layout;
 use super::omissions::allowed;
 use crate::frame::FrameDescription;
+use crate::tables::Tables;
 use vg500_regs::BlendMode;
 use vg500_regs::table::report_omitted as omitted;
 
@@ -22,6 +23,8 @@ pub struct Features {
     pub premultiplied: bool,
     /// Whether samples have a factor of opacity of their own: the cut plane.
     pub cut: bool,
+    /// Whether all colours are grey, so that one channel stands for three.
+    pub grey: bool,
     /// Whether every sample is classified in MIP and MinIP, even if only the value of the extreme one counts.
     pub classified: bool,
     /// How samples accumulate.
@@ -31,7 +34,7 @@ pub struct Features {
 impl Features {
     /// The features of a frame: what it needs, and what it does not allow to leave out.
     #[must_use]
-    pub fn of(frame: &FrameDescription) -> Self {
+    pub fn of(frame: &FrameDescription, tables: &Tables) -> Self {
         let needs = frame.needs();
         let allowed = |omission| allowed(frame, omission);
         let accumulates = matches!(frame.output.blend, BlendMode::Alpha | BlendMode::Sum);
@@ -39,14 +42,15 @@ impl Features {
         let specular = needs.specular || !allowed(omitted::ILLUMINATION) || !allowed(omitted::SPECULAR);
         let magnitude = needs.magnitude || !allowed(omitted::GRADIENT) || !allowed(omitted::MODULATION);
         let cut = needs.cut && frame.output.blend == BlendMode::Alpha;
+        let premultiplied =
+            accumulates && !(diffuse || specular || magnitude || cut) && allowed(omitted::PREMULTIPLICATION);
         Self {
             diffuse,
             specular,
             magnitude,
-            premultiplied: accumulates
-                && !(diffuse || specular || magnitude || cut)
-                && allowed(omitted::PREMULTIPLICATION),
+            premultiplied,
             cut,
+            grey: !premultiplied && allowed(omitted::COLORS) && is_grey(frame, tables),
             classified: !allowed(omitted::CLASSIFICATION),
             blend: frame.output.blend,
         }
@@ -116,13 +120,28 @@ impl Specialisation for Unlit {
     const FEATURES: Option<Features> = Some(Features { premultiplied: true, ..LIT });
 }
 
-/// Alpha blending of shaded samples, with both maps or the diffuse one, modulated or not.
+/// Alpha blending of shaded samples, with both maps or the diffuse one, modulated or not, grey or not.
 #[derive(Clone, Copy, Debug)]
-pub struct Lit<const SPECULAR: bool, const MAGNITUDE: bool>;
+pub struct Lit<const SPECULAR: bool, const MAGNITUDE: bool, const GREY: bool>;
 
-impl<const SPECULAR: bool, const MAGNITUDE: bool> Specialisation for Lit<SPECULAR, MAGNITUDE> {
+impl<const SPECULAR: bool, const MAGNITUDE: bool, const GREY: bool> Specialisation
+    for Lit<SPECULAR, MAGNITUDE, GREY>
+{
     const FEATURES: Option<Features> =
-        Some(Features { diffuse: true, specular: SPECULAR, magnitude: MAGNITUDE, ..LIT });
+        Some(Features { diffuse: true, specular: SPECULAR, magnitude: MAGNITUDE, grey: GREY, ..LIT });
+}
+
+/// Whether a frame that blends front to back, and begins with empty rays, has no other colours than grey.
+fn is_grey(frame: &FrameDescription, tables: &Tables) -> bool {
+    let begins_empty = frame.output.accumulators.is_none();
+    let no_cursor = frame.visibility.cursor.is_none();
+    let [red, green, blue] = frame.illumination.specular_color;
+    let mut visible = tables.color.iter().zip(&tables.opacity).filter(|(_, opacity)| **opacity > 0);
+    frame.output.blend == BlendMode::Alpha
+        && begins_empty
+        && no_cursor
+        && [green, blue] == [red; 2]
+        && visible.all(|([red, green, blue], _)| [green, blue] == [red; 2])
 }
 
 /// What all specialisations share.
@@ -132,6 +151,7 @@ const LIT: Features = Features {
     magnitude: false,
     premultiplied: false,
     cut: false,
+    grey: false,
     classified: false,
     blend: BlendMode::Alpha,
 };

@@ -149,10 +149,8 @@ impl Work for Tile<'_, '_> {
             () if prepared.frame.output.cursor_only => {}
             () if !specialised(prepared) => self.march(simd, General)?,
             () if is(prepared, Unlit) => self.march(simd, Unlit)?,
-            () if is(prepared, Lit::<false, false>) => self.march(simd, Lit::<false, false>)?,
-            () if is(prepared, Lit::<false, true>) => self.march(simd, Lit::<false, true>)?,
-            () if is(prepared, Lit::<true, false>) => self.march(simd, Lit::<true, false>)?,
-            () => self.march(simd, Lit::<true, true>)?,
+            () if prepared.features.grey => self.march_lit::<S, true>(simd)?,
+            () => self.march_lit::<S, false>(simd)?,
         }
         let checksum = store::finish(prepared, &self.rows, &self.scratch.accumulators)?;
         Ok((checksum, self.scratch.decisions.left_out))
@@ -166,15 +164,30 @@ fn is<Z: Specialisation>(prepared: &Prepared<'_>, _: Z) -> bool {
 
 /// Whether one of the specialisations draws a frame.
 fn specialised(prepared: &Prepared<'_>) -> bool {
-    let one = is(prepared, Unlit)
-        || is(prepared, Lit::<false, false>)
-        || is(prepared, Lit::<false, true>)
-        || is(prepared, Lit::<true, false>)
-        || is(prepared, Lit::<true, true>);
+    let one = is(prepared, Unlit) || lit::<true>(prepared) || lit::<false>(prepared);
     one && omissions::allowed(prepared.frame, report_omitted::DECISIONS)
 }
 
+/// Whether one of those with light does.
+fn lit<const GREY: bool>(prepared: &Prepared<'_>) -> bool {
+    is(prepared, Lit::<false, false, GREY>)
+        || is(prepared, Lit::<false, true, GREY>)
+        || is(prepared, Lit::<true, false, GREY>)
+        || is(prepared, Lit::<true, true, GREY>)
+}
+
 impl Tile<'_, '_> {
+    #[inline(always)]
+    fn march_lit<S: Simd, const GREY: bool>(&mut self, simd: S) -> Result<(), Fault> {
+        let features = self.prepared.features;
+        match (features.specular, features.magnitude) {
+            (false, false) => self.march(simd, Lit::<false, false, GREY>),
+            (false, true) => self.march(simd, Lit::<false, true, GREY>),
+            (true, false) => self.march(simd, Lit::<true, false, GREY>),
+            (true, true) => self.march(simd, Lit::<true, true, GREY>),
+        }
+    }
+
     #[inline(always)]
     fn march<S: Simd, Z: Specialisation>(&mut self, simd: S, specialisation: Z) -> Result<(), Fault> {
         tile::march(simd, specialisation, self.prepared, self.rows.clone(), self.scratch, self.cancel)

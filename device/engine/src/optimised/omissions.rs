@@ -81,6 +81,7 @@ pub fn of_plan(frame: &FrameDescription, features: Features, specialised: bool, 
         (omitted::PREMULTIPLICATION, features.premultiplied),
         (omitted::CLASSIFICATION, features.extremes_only()),
         (omitted::DECISIONS, specialised),
+        (omitted::COLORS, features.grey),
     ];
     let interpolation =
         interpolation.into_iter().map(|(field, still)| (field, still && allowed(frame, field)));

@@ -54,7 +54,7 @@ impl<'a> Prepared<'a> {
     /// Prepares a frame.
     pub fn new(task: &'a Task, plan: &Plan, memories: Memories<'a>, first_rays: Option<Vec<Ray>>) -> Self {
         let frame = &task.frame;
-        let features = Features::of(frame);
+        let features = Features::of(frame, &task.tables);
         // Reflection counts on an eye vector of unit length; a frame without highlights need not have one.
         let eye = if frame.needs().specular { frame.illumination.eye } else { [0, 0, i16::MAX] };
         let mirrored = eye.map(|component| features.specular && component < 0);

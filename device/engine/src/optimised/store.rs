@@ -13,9 +13,8 @@ use vg500_regs::{BlendMode, Fault, FaultCode, PlaneFormat, table};
 
 /// Loads what the rays of a tile begin with.
 pub fn begin(prepared: &Prepared<'_>, rows: &Range<u32>, accumulators: &mut Accumulators) {
-    let blend = prepared.frame.output.blend;
     let columns = prepared.frame.rays.size[0] as usize;
-    accumulators.clear(prepared.features.layout(), blend, rows.len(), columns);
+    accumulators.clear(prepared.features, rows.len(), columns);
     for (place, row) in rows.clone().enumerate() {
         for (column, ray) in first_rays(prepared, row).iter().flatten().enumerate() {
             accumulators.set(place, column, ray);

@@ -304,8 +304,11 @@ impl Tile<'_> {
             let row = self.place(ray) as usize;
             let Factors { seen, line } = &mut rows.factors[row];
             *seen = visible.row(slice, ray + slice.y.first, span, line);
-            if self.prepared.omissions.hidden || *seen == Seen::None {
+            if self.prepared.omissions.hidden {
                 decisions.hide(row, seen, line);
+            } else if *seen == Seen::None {
+                line.words_mut().fill(0);
+                *seen = Seen::Factors;
             }
         }
     }

@@ -210,4 +210,26 @@ fn what_cropping_hides_is_not_computed() {
     let left = report.samples - report.left_out.hidden;
     assert!([32, 64].contains(&(left / 25 / 53)), "{report:?}");
     assert_ne!(report.omitted & omitted::HIDDEN_BLOCKS.mask(), 0);
+    let kept = draw(&mut card, &Scene { keep: omitted::HIDDEN_BLOCKS.mask(), ..scene });
+    assert_eq!((kept.left_out.hidden, kept.checksum), (0, report.checksum));
+}
+
+#[test]
+fn grey_frames_have_one_colour_channel() {
+    let grey_light = Illumination { specular_color: [80; 3], eye: [0, 0, 32767], ..LIT };
+    let mut card = Card::with_tables();
+    let store = card.load(&Grid::blobs([70, 40, 40]));
+    for (visible, illumination, grey) in [
+        ([9, 9, 9], grey_light, true),
+        ([9, 9, 8], grey_light, false),
+        ([9, 9, 9], Illumination { specular_color: [80, 80, 81], ..grey_light }, false),
+        ([9, 9, 9], Illumination { specular: 0, ..grey_light }, true),
+    ] {
+        // Colours that nobody sees do not count.
+        card.set_transfer(|value| if value < 1000 { ([1, 2, 3], 0) } else { (visible, value >> 3) });
+        let scene = Scene { illumination, step: [VOXEL / 3, VOXEL / 4], ..Scene::new(store) }.with_all_rays();
+        compare(&mut card, &scene);
+        compare(&mut card, &Scene { format: scene.wide_format(), ..scene.clone() });
+        assert_eq!(draw(&mut card, &scene).omitted & omitted::COLORS.mask() != 0, grey);
+    }
 }

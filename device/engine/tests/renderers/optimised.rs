@@ -133,7 +133,7 @@ fn random_illumination(chance: &mut Chance) -> Illumination {
     let modulate = [(); 3].map(|()| one_in(chance, 2));
     match below(chance, 4) {
         0 => UNLIT,
-        1 => Illumination { eye, ..LIT },
+        1 => Illumination { eye, specular_color: chance.pick(&[LIT.specular_color, [190; 3]]), ..LIT },
         2 => Illumination { modulate: [false; 3], eye, ..LIT },
         _ => Illumination { emissive, diffuse, specular, specular_color: [255, 100, 0], eye, modulate },
     }

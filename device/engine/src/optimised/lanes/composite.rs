@@ -12,12 +12,18 @@ pub fn product<S: Simd>(simd: S, a: S::Words, b: S::Words) -> S::Words {
     simd.multiply_round(a, simd.shift_left::<3>(b))
 }
 
-/// C += (1 - A) a c, A += (1 - A) a; `color` is already multiplied by the opacity.
+/// C += (1 - A) a c, A += (1 - A) a for the first `channels` of `color`, which is already multiplied by the opacity.
 #[inline(always)]
-pub fn alpha<S: Simd>(simd: S, rays: &mut Row<'_>, block: Block, color: [S::Words; 3], opacity: S::Words) {
+pub fn alpha<S: Simd>(
+    simd: S,
+    rays: &mut Row<'_>,
+    block: Block,
+    (color, channels): ([S::Words; 3], usize),
+    opacity: S::Words,
+) {
     let accumulated = rays.load(simd, ALPHA, block);
     let transparency = simd.shift_left::<3>(simd.subtract(simd.splat(FULL as i16), accumulated));
-    for (channel, color) in color.into_iter().enumerate() {
+    for (channel, color) in color.into_iter().enumerate().take(channels) {
         let more = simd.multiply_round(color, transparency);
         let sum = simd.add(rays.load(simd, channel, block), more);
         rays.store(simd, channel, block, sum);

@@ -67,13 +67,25 @@ impl<S: Simd> Material<S> {
         let own = simd.average(self.emissive, diffuse);
         let most = simd.splat(FULL as i16);
         let [r, g, b] = color;
-        let body = each!([r, g, b], |channel| simd.multiply_round(simd.shift_left::<1>(channel), own));
+        let body = if features.grey {
+            [simd.multiply_round(simd.shift_left::<1>(r), own); 3]
+        } else {
+            each!([r, g, b], |channel| simd.multiply_round(simd.shift_left::<1>(channel), own))
+        };
         let [r, g, b] = body;
         if !features.specular {
-            return each!([r, g, b], |channel| simd.min(channel, most));
+            return if features.grey {
+                [simd.min(r, most); 3]
+            } else {
+                each!([r, g, b], |channel| simd.min(channel, most))
+            };
         }
         let modulate = features.magnitude && self.modulate[2];
         let specular = coefficient(simd, light.specular, modulate.then_some(light.modulation), self.specular);
+        if features.grey {
+            let highlight = simd.multiply_round(self.specular_color[0], specular);
+            return [simd.min(simd.add(r, highlight), most); 3];
+        }
         each!([0, 1, 2], |channel| {
             let highlight = simd.multiply_round(self.specular_color[channel], specular);
             simd.min(simd.add(body[channel], highlight), most)

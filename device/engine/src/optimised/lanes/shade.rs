@@ -156,8 +156,12 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
                     alpha = simd.multiply_round(simd.shift_left::<3>(alpha), factor);
                 }
                 let [r, g, b] = color;
-                let color = each!([r, g, b], |channel| product(simd, channel, alpha));
-                composite::alpha(simd, rays, block, color, alpha);
+                let color = if features.grey {
+                    [product(simd, r, alpha); 3]
+                } else {
+                    each!([r, g, b], |channel| product(simd, channel, alpha))
+                };
+                composite::alpha(simd, rays, block, (color, if features.grey { 1 } else { 3 }), alpha);
             }
         }
         transparent
