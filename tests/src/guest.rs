@@ -49,6 +49,32 @@ pub fn available(test: &str) -> io::Result<bool> {
     }
 }
 
+/// A changed copy of the machine that `run-guest` starts.
+pub struct Machine(tempfile::NamedTempFile);
+
+impl Machine {
+    /// What `change` makes of the lines of `machine.args`; it may leave lines out.
+    ///
+    /// # Errors
+    /// Nothing is changed, or files cannot be used.
+    pub fn changed(change: impl Fn(&str) -> Option<String>) -> io::Result<Self> {
+        let own = fs::read_to_string(program("machine.args"))?;
+        let lines: Vec<_> = own.lines().filter_map(change).collect();
+        if own.lines().eq(lines.iter().map(String::as_str)) {
+            return Err(io::Error::other("machine.args: nothing to change"));
+        }
+        let copy = tempfile::NamedTempFile::new()?;
+        fs::write(copy.path(), lines.join("\n"))?;
+        Ok(Self(copy))
+    }
+
+    /// The file, for `--machine`.
+    #[must_use]
+    pub fn path(&self) -> &str {
+        self.0.path().to_str().unwrap_or_default()
+    }
+}
+
 /// What a stream of a program has brought so far.
 #[derive(Clone, Default)]
 struct Stream(Arc<Mutex<Vec<u8>>>);

@@ -18,6 +18,23 @@ pub fn volumepro<S: AsRef<std::ffi::OsStr>>(program: &str, arguments: &[S]) -> i
     Command::new(program).args(arguments).stdin(Stdio::null()).output()
 }
 
+/// The picture that the card renders that `volumepro` carries inside itself.
+///
+/// # Errors
+/// The program cannot be run, or fails.
+pub fn embedded(program: &str, arguments: &[&str]) -> io::Result<Vec<u8>> {
+    let folder = tempfile::tempdir()?;
+    let output = folder.path().join("embedded.png");
+    let output = output.as_os_str();
+    let fixed = ["render".as_ref(), "--device".as_ref(), "embedded".as_ref(), "-o".as_ref(), output];
+    let all: Vec<_> = fixed.into_iter().chain(arguments.iter().map(AsRef::as_ref)).collect();
+    let result = volumepro(program, &all)?;
+    if !result.status.success() {
+        return Err(io::Error::other(String::from_utf8_lossy(&result.stderr)));
+    }
+    fs::read(output)
+}
+
 /// A device process that serves until it is dropped.
 pub struct Device {
     process: Child,

@@ -1,6 +1,6 @@
 //! A PCI function as this process reaches it: configuration space by a file, memories by mappings.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
@@ -44,6 +44,8 @@ pub(super) struct Function {
     /// The registers by read and write calls, for when they are not mapped.
     pub(super) registers: Option<Window>,
     pub(super) bars: [Region; BARS],
+    /// The file that names the ways in which the system resets it, if it does so when this process lets go of it.
+    pub(super) reset_methods: Option<PathBuf>,
     /// Why nothing more is tried.
     death: OnceLock<String>,
 }
@@ -64,7 +66,7 @@ impl Window {
 
 impl Function {
     pub(super) fn new(config: Window, registers: Option<Window>, bars: [Region; BARS]) -> Self {
-        Self { config, registers, bars, death: OnceLock::new() }
+        Self { config, registers, bars, reset_methods: None, death: OnceLock::new() }
     }
 
     pub(super) fn read_config(&self, offset: u16) -> Result<u32, Error> {
@@ -141,7 +143,19 @@ impl Function {
     }
 
     fn dead(&self, reason: &str) -> Error {
-        Error::CardDead { reason: self.death.get_or_init(|| reason.into()).clone() }
+        let reason = self.death.get_or_init(|| {
+            self.waive_reset();
+            reason.into()
+        });
+        Error::CardDead { reason: reason.clone() }
+    }
+
+    /// Spares this process the minute and more that the system would wait for a dead card to come out of a reset. Only
+    /// root may do so.
+    fn waive_reset(&self) {
+        if let Some(path) = &self.reset_methods {
+            fs::write(path, "\n").ok();
+        }
     }
 }
 
@@ -149,4 +163,24 @@ impl Function {
 pub(super) fn open(path: &std::path::Path) -> Result<File, Error> {
     let file = File::options().read(true).write(true).open(path);
     file.map_err(|cause: io::Error| Error::file("opening", path, cause))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_system_is_kept_from_resetting_a_dead_card_and_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let [config, methods] = ["config", "reset_method"].map(|name| folder.path().join(name));
+        for (word, left) in [(0x1002_1067_u32, "flr bus\n"), (u32::MAX, "\n")] {
+            fs::write(&config, word.to_le_bytes()).unwrap();
+            fs::write(&methods, "flr bus\n").unwrap();
+            let window = Window { file: Arc::new(open(&config).unwrap()), path: config.clone(), offset: 0 };
+            let mut function = Function::new(window, None, Default::default());
+            function.reset_methods = Some(methods.clone());
+            assert_eq!(function.read_config(0).is_ok(), word != u32::MAX);
+            assert_eq!(fs::read_to_string(&methods).unwrap(), left);
+        }
+    }
 }

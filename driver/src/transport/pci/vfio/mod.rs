@@ -66,7 +66,8 @@ impl Vfio {
         let info = ioctl::iommu_info(&container).map_err(asking("VFIO_IOMMU_GET_INFO"))?;
         let device =
             ioctl::device(&group, &found.address.to_string()).map_err(asking("VFIO_GROUP_GET_DEVICE_FD"))?;
-        let function = function(&device, &path)?;
+        let mut function = function(&device, &path)?;
+        function.reset_methods = Some(found.folder.join("reset_method"));
         let vfio = Self {
             resets: ioctl::device_flags(&device).map_err(asking("VFIO_DEVICE_GET_INFO"))?
                 & VFIO_DEVICE_FLAGS_RESET
