@@ -69,7 +69,8 @@ impl<'a> Prepared<'a> {
             slices,
             volume: Volume::new(frame, memories.voxel),
             visible: Visible::new(frame),
-            pixels_of_extremes: only_extremes(frame, features).then(|| PixelsOfExtremes::new(&classification)),
+            pixels_of_extremes: only_extremes(frame, features)
+                .then(|| PixelsOfExtremes::new(&classification)),
             classification,
             diffuse: ReflectanceMap::mirrored(&task.tables.diffuse, mirrored),
             specular: ReflectanceMap::mirrored(&task.tables.specular, mirrored),
