@@ -3,7 +3,7 @@
 use super::features::Features;
 use super::omissions::Omissions;
 use super::slices::{Slice, slices};
-use super::tables::{Classification, ReflectanceMap};
+use super::tables::{Classification, PixelsOfExtremes, ReflectanceMap};
 use super::visible::Visible;
 use super::volume::Volume;
 use crate::frame::FrameDescription;
@@ -12,7 +12,7 @@ use crate::render::{Memories, Task};
 use crate::stage::composite::Ray;
 use crate::stage::illuminate::{Light, illuminate};
 use core::ops::Range;
-use vg500_regs::{BlendMode, SharedView};
+use vg500_regs::{BlendMode, PlaneFormat, SharedView};
 
 /// Rows of rays of a tile at most: the voxels and accumulators of a tile are to stay in cache.
 const MOST_ROWS: u32 = 24;
@@ -33,6 +33,8 @@ pub struct Prepared<'a> {
     pub visible: Option<Visible<'a>>,
     /// Its lookup table.
     pub classification: Box<Classification>,
+    /// What its extremes are stored as, if that is all that its rays are, from their beginning to their end.
+    pub pixels_of_extremes: Option<PixelsOfExtremes>,
     /// Its reflectance maps, seen along the mirrored axes.
     pub diffuse: ReflectanceMap,
     /// See [`Self::diffuse`].
@@ -67,6 +69,8 @@ impl<'a> Prepared<'a> {
             slices,
             volume: Volume::new(frame, memories.voxel),
             visible: Visible::new(frame),
+            pixels_of_extremes: only_extremes(frame, features)
+                .then(|| PixelsOfExtremes::new(&classification)),
             classification,
             diffuse: ReflectanceMap::mirrored(&task.tables.diffuse, mirrored),
             specular: ReflectanceMap::mirrored(&task.tables.specular, mirrored),
@@ -119,6 +123,14 @@ impl<'a> Prepared<'a> {
         }
         tiles
     }
+}
+
+/// Whether rays are stored as what a look-up of their extremes gives.
+fn only_extremes(frame: &FrameDescription, features: Features) -> bool {
+    features.extremes_only()
+        && frame.output.format == PlaneFormat::Rgba8
+        && !frame.output.cursor_only
+        && frame.visibility.cursor.is_none()
 }
 
 /// The lookup table: without light, colours are those that emission leaves.

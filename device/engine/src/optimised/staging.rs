@@ -34,9 +34,10 @@ struct Slot {
 }
 
 impl Staging {
-    /// An empty ring for a volume, of slots that hold up to `rows` rows.
-    pub fn begin(&mut self, volume: &Volume<'_>, rows: usize) {
-        let slots = volume.slices_at_once() + WINDOW - 1;
+    /// An empty ring for a volume, of slots that hold up to `rows` rows; `around` slices are in use at a time, at most
+    /// four: the fewer there are, the nearer to the processor they stay.
+    pub fn begin(&mut self, volume: &Volume<'_>, rows: usize, around: usize) {
+        let slots = volume.slices_at_once() + around.min(WINDOW) - 1;
         self.slots.clear();
         self.slots.resize(slots, Slot::default());
         self.ranges.resize_with(self.ranges.len().max(slots), Ranges::default);

@@ -2,6 +2,7 @@
 
 use super::accumulators::{Accumulators, no_extreme};
 use super::prepared::Prepared;
+use super::tables::PixelsOfExtremes;
 use super::tile::cover;
 use crate::fixed::narrow;
 use crate::memory::pixel;
@@ -35,6 +36,8 @@ pub fn finish(
         bytes.clear();
         if output.format == PlaneFormat::Rgba8 && output.blend == BlendMode::Alpha {
             narrowed(prepared, accumulators, place, &mut bytes);
+        } else if let Some(pixels) = &prepared.pixels_of_extremes {
+            looked_up(prepared, accumulators, place, (pixels, &mut bytes));
         } else {
             let mut rays = rays(prepared, accumulators, place, row);
             if output.blend != BlendMode::Alpha {
@@ -77,6 +80,24 @@ fn narrowed(prepared: &Prepared<'_>, accumulators: &Accumulators, place: usize, 
             *pixel = color.map(narrow);
         }
     });
+    if prepared.mirrored_columns() {
+        pixels.reverse();
+    }
+}
+
+/// A row of rays of which only extremes are known as bytes R, G, B, A.
+#[inline(always)]
+fn looked_up(
+    prepared: &Prepared<'_>,
+    accumulators: &Accumulators,
+    place: usize,
+    (table, bytes): (&PixelsOfExtremes, &mut Vec<u8>),
+) {
+    bytes.resize(4 * prepared.frame.rays.size[0] as usize, 0);
+    let pixels = bytes.as_chunks_mut::<4>().0;
+    for (pixel, extreme) in pixels.iter_mut().zip(accumulators.extremes(place)) {
+        *pixel = table.pixel(*extreme);
+    }
     if prepared.mirrored_columns() {
         pixels.reverse();
     }

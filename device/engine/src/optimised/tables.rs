@@ -1,6 +1,6 @@
 //! The tables of a frame in the forms that the kernels look up.
 
-use crate::fixed::FULL;
+use crate::fixed::{FULL, narrow};
 use crate::stage::composite::Ray;
 use crate::tables::Tables;
 use vg500_regs::limit::{LOOKUP_ENTRIES, REFLECTANCE_ENTRIES};
@@ -46,6 +46,29 @@ impl Classification {
         let entry = self.0[usize::from(value & FULL)];
         let channel = |shift| (entry >> shift) as u32 & 0xffff;
         Ray { color: [0, 16, 32].map(channel), alpha: channel(48), extreme: value, valid: true, samples: 0 }
+    }
+}
+
+/// What a ray of MIP or MinIP is stored as: R, G, B, A of 8 bits for each value that can be its extreme.
+#[derive(Debug)]
+pub struct PixelsOfExtremes(Box<[[u8; 4]; LOOKUP_ENTRIES]>);
+
+impl PixelsOfExtremes {
+    /// For a table.
+    #[must_use]
+    pub fn new(table: &Classification) -> Self {
+        let mut pixels = Box::new([[0; 4]; LOOKUP_ENTRIES]);
+        for (pixel, entry) in pixels.iter_mut().zip(&table.0) {
+            *pixel = [0, 16, 32, 48].map(|shift| narrow((entry >> shift) as u16));
+        }
+        Self(pixels)
+    }
+
+    /// The pixel of a ray; of one without any sample it is transparent.
+    #[inline(always)]
+    #[must_use]
+    pub fn pixel(&self, extreme: u16) -> [u8; 4] {
+        self.0.get(usize::from(extreme)).copied().unwrap_or([0; 4])
     }
 }
 

@@ -83,7 +83,7 @@ pub fn march<S: Simd, Z: Specialisation>(
     let features = specialisation.features(prepared.features);
     let tile = Tile { prepared, rows, margin: i32::from(features.gradient()) };
     let Scratch { staging, accumulators, decisions, finished, rows } = scratch;
-    staging.begin(&prepared.volume, tile.staged_rows());
+    staging.begin(&prepared.volume, tile.staged_rows(), 2 + 2 * tile.margin as usize);
     tile.begin_decisions::<S>(features, decisions, finished);
     let shader = Shader::new(simd, specialisation, prepared);
     for slice in &prepared.slices {
