@@ -101,7 +101,8 @@ pub const EYE: NumberFormat = NumberFormat {
     signed: true,
     bits: 16,
     fraction: 15,
-    note: "component of the unit vector towards the eye in object axes; 1 saturates to 32767/32768",
+    note: "component of the unit vector towards the eye in object axes; 1 saturates to 32767/32768, and -32768 means \
+           -32767 (our choice: a sign that is changed stays within 16 bits)",
 };
 
 /// Coefficient or colour of 8 bits.
