@@ -17,6 +17,10 @@ const PHANTOM: [&str; 6] = ["--phantom", "engine-block", "--phantom-size", "48",
 const LONG: &str = "volumepro render --device pci:$CARDS --phantom engine-block --phantom-size 128 \
     --supersample 1,1,8 --frames 100000 -o /tmp/out.png";
 
+/// Waits in the guest until frames of [`LONG`] have interrupted it, and then until the next one is under way.
+const IN_A_FRAME: &str = "while [ $(awk '/vfio-msi/ {n += $2} END {print n + 0}' /proc/interrupts) -lt 4 ]; \
+    do sleep 0.1; done; sleep 0.2";
+
 /// The picture of the embedded card.
 fn embedded(arguments: &[&str]) -> Vec<u8> {
     programs::embedded(VOLUMEPRO, arguments).unwrap()
@@ -32,7 +36,7 @@ fn reboots_cost_the_device_nothing() {
     let script = format!(
         "volumepro-selftest --interrupts 10 && echo booted && sleep 2 || exit
         {LONG} &
-        sleep 5; reboot -f"
+        {IN_A_FRAME}; reboot -f"
     );
     let socket = device.socket();
     let arguments = ["--machine", machine.path(), "--socket", socket.to_str().unwrap(), "--exec", &script];
@@ -144,18 +148,18 @@ fn a_device_that_dies_is_reported_in_the_guest() {
 }
 
 #[test]
-fn a_card_that_is_removed_in_the_midst_of_a_frame_comes_back() {
-    if !available("a_card_that_is_removed_in_the_midst_of_a_frame_comes_back").unwrap() {
+fn a_card_that_is_removed_from_a_program_comes_back() {
+    if !available("a_card_that_is_removed_from_a_program_comes_back").unwrap() {
         return;
     }
     let device = Device::start(DEVICE, &["--strict", "--renderer", "reference"]).unwrap();
     // The kernel takes the card away as soon as the program lets go of it, which it is made to do without warning.
     let script = format!(
         "{LONG} & program=$!
-        sleep 5
+        {IN_A_FRAME}
         card=/sys/bus/pci/devices/$CARDS
         echo 1 >$card/remove &
-        sleep 1; kill -9 $program
+        kill -9 $program
         while [ -e $card ]; do sleep 0.1; done
         volumepro render --device pci:auto --phantom engine-block -o /tmp/out.png && exit 3
         echo 1 >/sys/bus/pci/rescan
@@ -175,5 +179,5 @@ fn a_card_that_is_removed_in_the_midst_of_a_frame_comes_back() {
     assert!(ended.output == embedded(&PHANTOM), "the pictures differ");
     device.wait_for_end().unwrap();
     let trace = device.trace().unwrap();
-    assert!(frames(&device)[1] > 1 && trace.contains("failed: cancelled") && !trace.contains("mistake:"));
+    assert!(trace.contains("failed: cancelled") && !trace.contains("mistake:"), "{trace}");
 }
