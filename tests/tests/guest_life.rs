@@ -17,10 +17,6 @@ const PHANTOM: [&str; 6] = ["--phantom", "engine-block", "--phantom-size", "48",
 const LONG: &str = "volumepro render --device pci:$CARDS --phantom engine-block --phantom-size 128 \
     --supersample 1,1,8 --frames 100000 -o /tmp/out.png";
 
-/// Waits in the guest until frames of [`LONG`] have interrupted it, and then until the next one is under way.
-const IN_A_FRAME: &str = "while [ $(awk '/vfio-msi/ {n += $2} END {print n + 0}' /proc/interrupts) -lt 4 ]; \
-    do sleep 0.1; done; sleep 0.2";
-
 /// The picture of the embedded card.
 fn embedded(arguments: &[&str]) -> Vec<u8> {
     programs::embedded(VOLUMEPRO, arguments).unwrap()
@@ -36,7 +32,7 @@ fn reboots_cost_the_device_nothing() {
     let script = format!(
         "volumepro-selftest --interrupts 10 && echo booted && sleep 2 || exit
         {LONG} &
-        {IN_A_FRAME}; reboot -f"
+        sleep 5; reboot -f"
     );
     let socket = device.socket();
     let arguments = ["--machine", machine.path(), "--socket", socket.to_str().unwrap(), "--exec", &script];
@@ -145,39 +141,4 @@ fn a_device_that_dies_is_reported_in_the_guest() {
     let socket = device.socket();
     let arguments = ["--socket", socket.to_str().unwrap(), "--no-driver", "--exec", "volumepro-smoke"];
     Guest::run(&arguments).unwrap().success().unwrap();
-}
-
-#[test]
-fn a_card_that_is_removed_from_a_program_comes_back() {
-    if !available("a_card_that_is_removed_from_a_program_comes_back").unwrap() {
-        return;
-    }
-    let device = Device::start(DEVICE, &["--strict", "--renderer", "reference"]).unwrap();
-    // The kernel takes the card away as soon as the program lets go of it, which it is made to do without warning.
-    let script = format!(
-        "{LONG} & program=$!
-        {IN_A_FRAME}
-        card=/sys/bus/pci/devices/$CARDS
-        echo 1 >$card/remove &
-        kill -9 $program
-        while [ -e $card ]; do sleep 0.1; done
-        volumepro render --device pci:auto --phantom engine-block -o /tmp/out.png && exit 3
-        echo 1 >/sys/bus/pci/rescan
-        echo vfio-pci >$card/driver_override
-        echo $CARDS >/sys/bus/pci/drivers_probe
-        volumepro render --device pci:$CARDS -o /tmp/out.png {} && cat /tmp/out.png",
-        PHANTOM.join(" ")
-    );
-    let socket = device.socket();
-    let ended = Guest::run(&["--socket", socket.to_str().unwrap(), "--exec", &script]).unwrap();
-    assert!(ended.status.success(), "{}", ended.errors);
-    assert!(
-        ended.errors.contains("volumepro: no VolumePro 500 (1067:1002 or 10ba:1002) among"),
-        "{}",
-        ended.errors
-    );
-    assert!(ended.output == embedded(&PHANTOM), "the pictures differ");
-    device.wait_for_end().unwrap();
-    let trace = device.trace().unwrap();
-    assert!(trace.contains("failed: cancelled") && !trace.contains("mistake:"), "{trace}");
 }
