@@ -17,6 +17,10 @@ const PHANTOM: [&str; 6] = ["--phantom", "engine-block", "--phantom-size", "48",
 const LONG: &str = "volumepro render --device pci:$CARDS --phantom engine-block --phantom-size 128 \
     --supersample 1,1,8 --frames 100000 -o /tmp/out.png";
 
+/// Waits in the guest until a frame and its pixels have interrupted it, and then until the next frame is under way.
+const IN_A_FRAME: &str = "while [ $(awk '/vfio-msi/ {n += $2} END {print n + 0}' /proc/interrupts) -lt 2 ]; \
+    do sleep 0.1; done; sleep 0.2";
+
 /// The picture of the embedded card.
 fn embedded(arguments: &[&str]) -> Vec<u8> {
     programs::embedded(VOLUMEPRO, arguments).unwrap()
@@ -32,7 +36,7 @@ fn reboots_cost_the_device_nothing() {
     let script = format!(
         "volumepro-selftest --interrupts 10 && echo booted && sleep 2 || exit
         {LONG} &
-        sleep 5; reboot -f"
+        {IN_A_FRAME}; reboot -f"
     );
     let socket = device.socket();
     let arguments = ["--machine", machine.path(), "--socket", socket.to_str().unwrap(), "--exec", &script];
@@ -141,4 +145,38 @@ fn a_device_that_dies_is_reported_in_the_guest() {
     let socket = device.socket();
     let arguments = ["--socket", socket.to_str().unwrap(), "--no-driver", "--exec", "volumepro-smoke"];
     Guest::run(&arguments).unwrap().success().unwrap();
+}
+
+#[test]
+fn a_card_loses_its_program_in_the_midst_of_a_frame_is_removed_and_comes_back() {
+    if !available("a_card_loses_its_program_in_the_midst_of_a_frame_is_removed_and_comes_back").unwrap() {
+        return;
+    }
+    let device = Device::start(DEVICE, &["--renderer", "reference"]).unwrap();
+    // It takes the kernel up to a second to end the program and reset the card, and the frame longer.
+    let longer = LONG.replace("128", "160");
+    let script = format!(
+        "{longer} & program=$!
+        {IN_A_FRAME}
+        card=/sys/bus/pci/devices/$CARDS
+        kill -9 $program; wait $program
+        echo 1 >$card/remove
+        volumepro render --device pci:auto --phantom engine-block -o /tmp/out.png && exit 3
+        echo 1 >/sys/bus/pci/rescan
+        echo vfio-pci >$card/driver_override
+        echo $CARDS >/sys/bus/pci/drivers_probe
+        volumepro render --device pci:$CARDS -o /tmp/out.png {} && cat /tmp/out.png",
+        PHANTOM.join(" ")
+    );
+    let socket = device.socket();
+    let ended = Guest::run(&["--socket", socket.to_str().unwrap(), "--exec", &script]).unwrap();
+    assert!(ended.status.success(), "{}", ended.errors);
+    let nothing = "volumepro: no VolumePro 500 (1067:1002 or 10ba:1002) among";
+    assert!(ended.errors.contains(nothing), "{}", ended.errors);
+    assert!(ended.output == embedded(&PHANTOM), "the pictures differ");
+    device.wait_for_end().unwrap();
+    let trace = device.trace().unwrap();
+    let course: Vec<_> =
+        trace.lines().filter(|line| line.contains("frame ") || line.contains("reset")).collect();
+    assert!(course.iter().any(|line| line.ends_with("failed: cancelled")), "{}", course.join("\n"));
 }
