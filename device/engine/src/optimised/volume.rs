@@ -12,6 +12,9 @@ const SQUARE: usize = 16;
 /// Lines that come from the same squares: as many voxels as a cache line holds.
 const GROUP: usize = 2 * SQUARE;
 
+/// Bytes that are brought in together.
+const CACHE_LINE: usize = 64;
+
 /// Lines of some rows of slices.
 #[derive(Debug)]
 pub struct Lines<'a> {
@@ -141,8 +144,11 @@ impl<'a> Volume<'a> {
         for block in Line::blocks(0..self.size[0], S::LANES) {
             // SAFETY: the caller has checked the row's length rounded up to the most lanes there are.
             let voxels = unsafe { simd.load_voxels(self.format, from.add(block.start() * bytes)) };
-            simd.prefetch(from.wrapping_add(block.start() * bytes).wrapping_offset(self.strides[2]));
             line.store(simd, block, voxels);
+        }
+        // The next slice's row: it is read when this slice is done.
+        for start in (0..self.size[0] * bytes).step_by(CACHE_LINE) {
+            simd.prefetch(from.wrapping_add(start).wrapping_offset(self.strides[2]));
         }
     }
 

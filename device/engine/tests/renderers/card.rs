@@ -122,9 +122,13 @@ impl Card {
                 1 => [across[0], major, across[1]],
                 _ => [across[0], across[1], major],
             };
-            let word = [intensity(direction), 0, 0, 0];
-            self.tables[map.offset(0) + 4 * entry..][..4].copy_from_slice(&word);
+            self.set_map_entry(map, entry, intensity(direction));
         }
+    }
+
+    /// Replaces an entry of copy 0 of the diffuse or specular map.
+    pub fn set_map_entry(&mut self, map: Table, entry: usize, intensity: u8) {
+        self.tables[map.offset(0) + 4 * entry..][..4].copy_from_slice(&[intensity, 0, 0, 0]);
     }
 
     /// Fills copy 0 of the gradient-magnitude table.

@@ -6,6 +6,7 @@ use crate::scene::{LIT, MODES, Scene, UNLIT, VOXEL};
 use std::sync::LazyLock;
 use vg500_engine::frame::{Crop, Cursor, CutPlane, Illumination};
 use vg500_engine::{Cancel, Engine, Level, Renderer};
+use vg500_regs::limit::REFLECTANCE_ENTRIES;
 use vg500_regs::memory::{Table, planes};
 use vg500_regs::{Permutation, PlaneFormat, VoxelFormat};
 
@@ -203,7 +204,12 @@ pub fn random_tables(chance: &mut Chance, card: &mut Card) {
         }
     });
     let maps: Vec<u8> = (0..2048).map(|_| words.word() as u8).collect();
+    let faces_share_edges = one_in(chance, 2);
     for (map, shift) in [(Table::Diffuse, 0), (Table::Specular, 1000)] {
+        if !faces_share_edges {
+            (0..REFLECTANCE_ENTRIES).for_each(|entry| card.set_map_entry(map, entry, maps[shift + entry]));
+            continue;
+        }
         let value = |[x, y, z]: [i32; 3]| maps[shift + ((x + 7) * 64 + (y + 7) * 8 + z + 7) as usize % 1000];
         card.set_map(map, value);
     }

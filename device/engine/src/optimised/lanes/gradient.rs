@@ -8,7 +8,7 @@ use crate::optimised::simd::{Simd, SimdExt, each};
 #[derive(Clone, Copy, Debug)]
 pub struct Orientation<S: Simd> {
     /// 1015, negative on axes that run against the object's.
-    factors: [S::Words; 3],
+    factors: [S::Constant; 3],
     /// The permuted axis that each object axis is.
     permuted: [usize; 3],
 }
@@ -19,13 +19,13 @@ impl<S: Simd> Orientation<S> {
     pub fn new(simd: S, frame: &FrameDescription, mirrored: [bool; 3]) -> Self {
         let axes = frame.permutation.axes();
         let mut permuted = [0; 3];
-        let mut factors = [simd.splat(0); 3];
+        let mut factors = [simd.constant(0); 3];
         for (place, axis) in axes.iter().enumerate() {
             permuted[axis.axis] = place;
             // Rows always run forward along x.
             let against = axis.flipped && place != 0;
             let factor = crate::stage::gradient::PER_DIFFERENCE as i16;
-            factors[place] = simd.splat(if against != mirrored[axis.axis] { -factor } else { factor });
+            factors[place] = simd.constant(if against != mirrored[axis.axis] { -factor } else { factor });
         }
         Self { factors, permuted }
     }
@@ -47,10 +47,11 @@ impl<S: Simd> Orientation<S> {
         let y = simd.subtract(rows[2].load(simd, block), rows[0].load(simd, block));
         let z = simd.lerp(differences.load(simd, block), differences.load_behind(simd, block), x_weight);
         // (z f + 2^16) >> 17 is (high half of z f + 1) >> 1.
-        let z = simd.add(simd.multiply_high_signed(z, self.factors[2]), simd.splat(1));
+        let factors = each!([0, 1, 2], |axis| simd.spread(self.factors[axis]));
+        let z = simd.add(simd.multiply_high_signed(z, factors[2]), simd.splat(1));
         let components = [
-            simd.multiply_round(x, self.factors[0]),
-            simd.multiply_round(y, self.factors[1]),
+            simd.multiply_round(x, factors[0]),
+            simd.multiply_round(y, factors[1]),
             simd.shift_right_signed::<1>(z),
         ];
         let [x, y, z] = self.permuted;

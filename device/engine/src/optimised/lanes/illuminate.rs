@@ -8,10 +8,10 @@ use crate::optimised::simd::{Simd, each};
 /// Material and light of a frame, spread over all lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct Material<S: Simd> {
-    emissive: S::Words,
-    diffuse: S::Words,
-    specular: S::Words,
-    specular_color: [S::Words; 3],
+    emissive: S::Constant,
+    diffuse: S::Constant,
+    specular: S::Constant,
+    specular_color: [S::Constant; 3],
     /// Whether opacity, diffuse and specular illumination are modulated.
     modulate: [bool; 3],
 }
@@ -33,25 +33,40 @@ impl<S: Simd> Material<S> {
     pub fn new(simd: S, frame: &FrameDescription) -> Self {
         let illumination = &frame.illumination;
         let [_, diffuse, specular] = illumination.modulate;
-        let factor = |factor| simd.splat(unity(factor) as i16);
+        let factor = |factor| simd.constant(unity(factor) as i16);
         Self {
             emissive: factor(illumination.emissive),
             diffuse: factor(illumination.diffuse),
             specular: factor(illumination.specular),
-            specular_color: illumination.specular_color.map(|channel| simd.splat(widen(channel) as i16)),
+            specular_color: illumination.specular_color.map(|channel| simd.constant(widen(channel) as i16)),
             modulate: [frame.needs().opacity_modulation, diffuse, specular],
         }
     }
 
+    /// Modulates and illuminates classified samples.
+    #[inline(always)]
+    pub fn shade(
+        &self,
+        simd: S,
+        features: Features,
+        color: [S::Words; 3],
+        alpha: S::Words,
+        light: &Light<S>,
+    ) -> ([S::Words; 3], S::Words) {
+        let alpha = if features.magnitude { self.opacity(simd, alpha, light) } else { alpha };
+        let color = if features.light() { self.illuminate(simd, features, color, light) } else { color };
+        (color, alpha)
+    }
+
     /// A classified opacity, modulated if it is to be.
     #[inline(always)]
-    pub fn opacity(&self, simd: S, alpha: S::Words, light: &Light<S>) -> S::Words {
+    fn opacity(&self, simd: S, alpha: S::Words, light: &Light<S>) -> S::Words {
         if self.modulate[0] { simd.multiply_round(alpha, light.modulation) } else { alpha }
     }
 
     /// Classified colours in this light.
     #[inline(always)]
-    pub fn illuminate(
+    fn illuminate(
         &self,
         simd: S,
         features: Features,
@@ -64,7 +79,7 @@ impl<S: Simd> Material<S> {
         } else {
             simd.splat(0)
         };
-        let own = simd.average(self.emissive, diffuse);
+        let own = simd.average(simd.spread(self.emissive), diffuse);
         let most = simd.splat(FULL as i16);
         let [r, g, b] = color;
         let body = if features.grey {
@@ -83,11 +98,11 @@ impl<S: Simd> Material<S> {
         let modulate = features.magnitude && self.modulate[2];
         let specular = coefficient(simd, light.specular, modulate.then_some(light.modulation), self.specular);
         if features.grey {
-            let highlight = simd.multiply_round(self.specular_color[0], specular);
+            let highlight = simd.multiply_round(simd.spread(self.specular_color[0]), specular);
             return [simd.min(simd.add(r, highlight), most); 3];
         }
         each!([0, 1, 2], |channel| {
-            let highlight = simd.multiply_round(self.specular_color[channel], specular);
+            let highlight = simd.multiply_round(simd.spread(self.specular_color[channel]), specular);
             simd.min(simd.add(body[channel], highlight), most)
         })
     }
@@ -99,11 +114,11 @@ fn coefficient<S: Simd>(
     simd: S,
     intensity: S::Words,
     modulation: Option<S::Words>,
-    factor: S::Words,
+    factor: S::Constant,
 ) -> S::Words {
     let modulated = match modulation {
         Some(modulation) => simd.multiply_round(intensity, modulation),
         None => intensity,
     };
-    simd.multiply_round(modulated, factor)
+    simd.multiply_round(modulated, simd.spread(factor))
 }

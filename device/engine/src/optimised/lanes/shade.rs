@@ -5,7 +5,7 @@ use super::illuminate::{Light, Material};
 use super::interpolate::{along_x, unguard, weight};
 use super::light::Stretched;
 use super::{composite, composite::product};
-use crate::optimised::accumulators::{Accumulators, RayRow, Row, SumRow, no_extreme};
+use crate::optimised::accumulators::{ALPHA, Accumulators, RayRow, Row, SumRow, no_extreme};
 use crate::optimised::cells::Cells;
 use crate::optimised::features::{Features, Specialisation};
 use crate::optimised::line::{Block, Line};
@@ -23,7 +23,7 @@ pub struct Shader<'a, S: Simd, Z: Specialisation> {
     table: &'a Classification,
     material: Material<S>,
     orientation: Orientation<S>,
-    eye: [S::Words; 3],
+    eye: [S::Constant; 3],
     diffuse: S::Map,
     specular: S::Map,
     factors: S::Factors,
@@ -77,7 +77,7 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
             table: &prepared.classification,
             material: Material::new(simd, frame),
             orientation: Orientation::new(simd, frame, prepared.mirrored),
-            eye: prepared.eye.map(|component| simd.splat(component)),
+            eye: prepared.eye.map(|component| simd.constant(component)),
             diffuse: simd.map(&prepared.diffuse),
             specular: simd.map(&prepared.specular),
             factors: simd.factors(&prepared.factors),
@@ -143,13 +143,20 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
                 let values = sampling.values(simd, block);
                 let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
                 // SAFETY: samples are within their voxels, of 12 bits, or TRANSPARENT.
-                let [r, g, b, alpha] = unsafe { simd.classify(self.table, seen) };
-                if self.leave_out_transparent && !simd.any(simd.greater(alpha, simd.splat(0))) {
-                    transparent += S::LANES as u64;
-                    continue;
+                let classify = || unsafe { simd.classify(self.table, seen) };
+                let mut entries = None;
+                if self.leave_out_transparent {
+                    let found = classify();
+                    if !simd.any(simd.greater(found[ALPHA], simd.splat(0))) {
+                        transparent += S::LANES as u64;
+                        continue;
+                    }
+                    entries = Some(found);
                 }
-                let (color, mut alpha) =
-                    self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
+                let light = self.light(features, row, block, sampling.x_weight);
+                // Look-ups in memory wait for nothing: behind long chains of operations they fill gaps.
+                let [r, g, b, alpha] = entries.unwrap_or_else(classify);
+                let (color, mut alpha) = self.material.shade(simd, features, [r, g, b], alpha, &light);
                 if features.cut {
                     // (alpha factor + 128) >> 8
                     let factor = simd.shift_left::<4>(sampling.factors(simd, block));
@@ -185,7 +192,8 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
                     composite::sum(simd, rays, block, [r, g, b], alpha, visible);
                     continue;
                 }
-                let (color, alpha) = self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
+                let light = self.light(features, row, block, sampling.x_weight);
+                let (color, alpha) = self.material.shade(simd, features, [r, g, b], alpha, &light);
                 let [r, g, b] = color;
                 let color = each!([r, g, b], |channel| product(simd, channel, alpha));
                 composite::sum(simd, rays, block, color, alpha, visible);
@@ -208,48 +216,38 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
                 if simd.any(beats) {
                     // SAFETY: as in `blend_alpha`.
                     let [r, g, b, alpha] = unsafe { simd.classify(self.table, values) };
-                    let (color, alpha) =
-                        self.shade(features, row, block, sampling.x_weight, [r, g, b], alpha);
+                    let light = self.light(features, row, block, sampling.x_weight);
+                    let (color, alpha) = self.material.shade(simd, features, [r, g, b], alpha, &light);
                     composite::replace(simd, rays, block, beats, color, alpha, values);
                 }
             }
         }
     }
 
-    /// Modulates and illuminates classified samples.
+    /// The light on samples, as far as gradients are needed.
     #[inline(always)]
-    fn shade(
-        &self,
-        features: Features,
-        row: &SampleRow<'_>,
-        block: Block,
-        x_weight: S::Words,
-        color: [S::Words; 3],
-        alpha: S::Words,
-    ) -> ([S::Words; 3], S::Words) {
-        if !features.gradient() {
-            return (color, alpha);
-        }
+    fn light(&self, features: Features, row: &SampleRow<'_>, block: Block, x_weight: S::Words) -> Light<S> {
         let simd = self.simd;
-        let gradient = self.orientation.gradient(simd, row.samples, row.differences, x_weight, block);
         let nothing = simd.splat(0);
         let mut light = Light { diffuse: nothing, specular: nothing, modulation: nothing };
+        if !features.gradient() {
+            return light;
+        }
+        let gradient = self.orientation.gradient(simd, row.samples, row.differences, x_weight, block);
         if features.magnitude {
             // SAFETY: magnitudes are at most 220.
             light.modulation = unsafe { simd.factor(&self.factors, magnitude(simd, gradient)) };
         }
-        let alpha = if features.magnitude { self.material.opacity(simd, alpha, &light) } else { alpha };
-        if !features.light() {
-            return (color, alpha);
+        if features.light() {
+            let direction = Stretched::new(simd, gradient);
+            if features.diffuse {
+                light.diffuse = direction.diffuse(simd, &self.diffuse);
+            }
+            if features.specular {
+                light.specular = direction.specular(simd, &self.specular, self.eye);
+            }
         }
-        let direction = Stretched::new(simd, gradient);
-        if features.diffuse {
-            light.diffuse = direction.diffuse(simd, &self.diffuse);
-        }
-        if features.specular {
-            light.specular = direction.specular(simd, &self.specular, self.eye);
-        }
-        (self.material.illuminate(simd, features, color, &light), alpha)
+        light
     }
 }
 

@@ -1,10 +1,12 @@
-//! 32 lanes with AVX-512. Permutations of bytes look whole tables up in registers.
+//! 64 lanes with AVX-512, in two registers: operations on one do not wait for those on the other. Permutations of
+//! bytes look whole tables up in registers, for all lanes at once.
 
 use super::avx2::{Avx2, alpha_of_two, join, two_entries};
-use super::{Simd, Work, each, opaque};
+use super::{DARK, Simd, Work, each, opaque};
 use crate::fixed::FULL;
 use crate::optimised::reciprocal::{GRADIENT, SEED};
 use crate::optimised::tables::{Classification, ReflectanceMap};
+use crate::stage::reflectance::HALF_FACE;
 use core::arch::x86_64::*;
 use core::array::from_fn;
 use vg500_regs::VoxelFormat;
@@ -32,7 +34,7 @@ impl Avx512 {
 struct Bytes([u8; 128]);
 
 /// A reflectance map by the parity of v and u: of any 2 x 2 vertices each lies in another of the four tables, at
-/// 16 face + 4 (v / 2) + u / 2.
+/// 16 face + 4 (v / 2) + u / 2. The dark face is 0.
 #[derive(Debug)]
 pub struct Parities([[Bytes; 2]; 2]);
 
@@ -42,19 +44,22 @@ pub struct Factors([Bytes; 2]);
 
 /// Words of a table for one permutation.
 #[repr(C, align(64))]
-struct Words([u16; 64]);
+struct Words64([u16; 64]);
 
-static SEEDS: Words = Words(SEED);
-static GRADIENTS: [Words; 2] = {
-    let mut halves = [Words([0; 64]), Words([0; 64])];
+static SEEDS: Words64 = Words64(SEED);
+/// The lower bytes of reciprocals, and the upper ones.
+static GRADIENTS: [Bytes; 2] = {
+    let mut bytes = [Bytes([0; 128]), Bytes([0; 128])];
     let mut at = 0;
-    while at < 64 {
-        halves[0].0[at] = GRADIENT[at];
-        halves[1].0[at] = GRADIENT[64 + at];
+    while at < 128 {
+        [bytes[0].0[at], bytes[1].0[at]] = GRADIENT[at].to_le_bytes();
         at += 1;
     }
-    halves
+    bytes
 };
+
+/// The lanes of a vector.
+type Words = [__m512i; 2];
 
 /// Calls intrinsics of AVX-512.
 macro_rules! avx512 {
@@ -64,33 +69,11 @@ macro_rules! avx512 {
     };
 }
 
-/// The lower bytes of words, as a mask of bytes.
-const LOWER: u64 = 0x5555_5555_5555_5555;
-
-/// The vertices along u: for the even one in the lower byte of each lane, for the odd one in the upper byte.
-struct Across {
-    /// u / 2.
-    index: __m512i,
-    weights: __m512i,
-}
-
-impl Avx512 {
-    /// A value in the lower byte of each lane and one in the upper.
-    #[inline(always)]
-    fn bytes(self, lower: __m512i, upper: __m512i) -> __m512i {
-        self.add(lower, self.shift_left::<8>(upper))
-    }
-
-    /// The row of vertices from `first` on, interpolated along u and multiplied with its weight along v.
-    #[inline(always)]
-    fn row(self, tables: &[Bytes; 2], first: __m512i, weight: __m512i, across: &Across) -> __m512i {
-        let index = self.add(self.bytes(first, first), across.index);
-        let even = bytes_at(&tables[0], LOWER, index);
-        let odd = bytes_at(&tables[1], !LOWER, index);
-        let row = avx512!(_mm512_maddubs_epi16(_mm512_or_si512(even, odd), across.weights));
-        // A row of at most 8160 times 8 and a weight times 2^10: the high half is row times weight / 8.
-        self.multiply_high(self.shift_left::<3>(row), self.shift_left::<10>(weight))
-    }
+/// An intrinsic on each register of vectors.
+macro_rules! registers {
+    ($intrinsic:ident($($words:ident),+)) => {
+        each!([0, 1], |register| avx512!($intrinsic($($words[register]),+)))
+    };
 }
 
 /// The entries of a table at the two lowest indices of each of four words.
@@ -107,7 +90,63 @@ unsafe fn four_pairs(table: *const u64, indices: [u64; 4]) -> __m512i {
     }
 }
 
-/// The lanes of a vector, four to a word, two words for each quarter.
+/// R, G, B and opacity of sample values.
+///
+/// # Safety
+///
+/// The table has entries for all values.
+#[inline(always)]
+unsafe fn classify(table: *const u64, values: __m512i) -> [__m512i; 4] {
+    let quarters = quarters(values);
+    // Samples 2 i and 2 i + 1 in the first quarter, those 8, 16 and 24 behind them in the others.
+    // SAFETY: the caller's promise.
+    unsafe {
+        let low = each!([0, 1, 2, 3], |at| quarters[at][0]);
+        let high = each!([0, 1, 2, 3], |at| quarters[at][1]);
+        let [a, b, c, d] = [
+            four_pairs(table, low),
+            four_pairs(table, each!([0, 1, 2, 3], |at| low[at] >> 32)),
+            four_pairs(table, high),
+            four_pairs(table, each!([0, 1, 2, 3], |at| high[at] >> 32)),
+        ];
+        let [even, odd] = [_mm512_unpacklo_epi16(a, b), _mm512_unpackhi_epi16(a, b)];
+        let [rg, ba] = [_mm512_unpacklo_epi16(even, odd), _mm512_unpackhi_epi16(even, odd)];
+        let [even, odd] = [_mm512_unpacklo_epi16(c, d), _mm512_unpackhi_epi16(c, d)];
+        let [rg_behind, ba_behind] = [_mm512_unpacklo_epi16(even, odd), _mm512_unpackhi_epi16(even, odd)];
+        [
+            _mm512_unpacklo_epi64(rg, rg_behind),
+            _mm512_unpackhi_epi64(rg, rg_behind),
+            _mm512_unpacklo_epi64(ba, ba_behind),
+            _mm512_unpackhi_epi64(ba, ba_behind),
+        ]
+    }
+}
+
+/// Blends samples into as many rays of four words.
+///
+/// # Safety
+///
+/// The table has entries for all values, and the rays can be read and written.
+#[inline(always)]
+unsafe fn blend_entries(table: *const u64, values: __m512i, rays: *mut u16) {
+    for (quarter, [low, high]) in quarters(values).into_iter().enumerate() {
+        // SAFETY: the caller's promise.
+        unsafe {
+            let full = _mm512_set1_epi16(FULL as i16);
+            let first = join(two_entries(table, low), two_entries(table, low >> 32));
+            let second = join(two_entries(table, high), two_entries(table, high >> 32));
+            let samples = _mm512_inserti64x4::<1>(_mm512_castsi256_si512(first), second);
+            let place = rays.add(32 * quarter).cast::<__m512i>();
+            let accumulated = _mm512_loadu_si512(place);
+            let alpha = _mm512_shuffle_epi8(accumulated, _mm512_broadcast_i32x4(alpha_of_two()));
+            let transparency = _mm512_slli_epi16::<3>(_mm512_sub_epi16(full, alpha));
+            let more = _mm512_mulhrs_epi16(samples, transparency);
+            _mm512_storeu_si512(place, _mm512_add_epi16(accumulated, more));
+        }
+    }
+}
+
+/// The lanes of a register, four to a word, two words for each quarter.
 #[inline(always)]
 fn quarters(words: __m512i) -> [[u64; 2]; 4] {
     avx512!({
@@ -124,49 +163,60 @@ fn quarters(words: __m512i) -> [[u64; 2]; 4] {
     })
 }
 
-/// Words of a table of 64, by the lower six bits of each lane.
+/// Bytes of a table, by the lower seven bits of each byte.
 #[inline(always)]
-fn words_at(table: &Words, index: __m512i) -> __m512i {
-    avx512!({
-        let [low, high] = each!([0, 32], |at| _mm512_load_si512(table.0.as_ptr().add(at).cast()));
-        _mm512_permutex2var_epi16(low, index, high)
-    })
-}
-
-/// Bytes of a table, by the lower seven bits of those bytes of `index` that `mask` tells; the others are 0.
-#[inline(always)]
-fn bytes_at(table: &Bytes, mask: u64, index: __m512i) -> __m512i {
+fn bytes_at(table: &Bytes, index: __m512i) -> __m512i {
     avx512!({
         let [low, high] = each!([0, 64], |at| _mm512_load_si512(table.0.as_ptr().add(at).cast()));
-        _mm512_maskz_permutex2var_epi8(mask, low, index, high)
+        _mm512_permutex2var_epi8(low, index, high)
     })
 }
 
-/// Where two vertices along an axis lie, of which one is even and one odd, and their weights.
+/// The bytes of two vectors in turn, as the words that they were narrowed from.
+#[inline(always)]
+fn interleave(lower: __m512i, upper: __m512i) -> Words {
+    avx512!([_mm512_unpacklo_epi8(lower, upper), _mm512_unpackhi_epi8(lower, upper)])
+}
+
+/// Where vertices along an axis lie, of which one is even and one odd, and their weights.
 struct Vertices {
-    even: __m512i,
-    odd: __m512i,
-    even_weight: __m512i,
+    /// What lies 64 from one pair to the next.
+    places: [__m512i; 2],
+    weights: [__m512i; 2],
 }
 
 impl Vertices {
-    /// Those around a coordinate of 0..=224.
+    /// Those around a coordinate of 0..=224 without sign, the even one first.
     #[inline(always)]
-    fn around(simd: Avx512, coordinate: __m512i) -> Self {
-        let half = simd.splat(32);
-        let within = simd.and(coordinate, simd.splat(63));
-        Self {
-            even: simd.shift_right::<6>(simd.add(coordinate, half)),
-            odd: simd.shift_right::<6>(coordinate),
-            even_weight: simd.absolute(simd.subtract(within, half)),
-        }
+    fn around(coordinate: __m512i) -> Self {
+        avx512!({
+            let half = _mm512_set1_epi8(32);
+            let within = _mm512_and_si512(coordinate, _mm512_set1_epi8(63));
+            let even = _mm512_abs_epi8(_mm512_sub_epi8(within, half));
+            Self {
+                places: [_mm512_add_epi8(coordinate, half), coordinate],
+                weights: [even, _mm512_sub_epi8(half, even)],
+            }
+        })
+    }
+
+    /// Which pair both vertices belong to, in bits of each byte.
+    #[inline(always)]
+    fn pairs<const RIGHT: u32>(&self, bits: i8) -> [__m512i; 2] {
+        each!([self.places[0], self.places[1]], |place| avx512!(_mm512_and_si512(
+            _mm512_srli_epi16::<RIGHT>(place),
+            _mm512_set1_epi8(bits)
+        )))
     }
 }
 
 impl Simd for Avx512 {
-    const LANES: usize = 32;
-    type Words = __m512i;
-    type Mask = __mmask32;
+    const LANES: usize = 64;
+    type Words = Words;
+    type Constant = __m512i;
+    type Mask = [__mmask32; 2];
+    type Small = __m512i;
+    type SmallMask = __mmask64;
     type Map = Parities;
     type Factors = Factors;
 
@@ -181,56 +231,71 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    fn splat(self, value: i16) -> __m512i {
+    fn constant(self, value: i16) -> __m512i {
         avx512!(_mm512_set1_epi16(value))
     }
 
     #[inline(always)]
-    fn count(self) -> __m512i {
-        avx512!(_mm512_cvtepi8_epi16(_mm256_setr_epi8(
+    fn spread(self, constant: __m512i) -> Words {
+        [constant; 2]
+    }
+
+    #[inline(always)]
+    fn count(self) -> Words {
+        let first = avx512!(_mm512_cvtepi8_epi16(_mm256_setr_epi8(
             0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26,
             27, 28, 29, 30, 31
-        )))
+        )));
+        [first, avx512!(_mm512_add_epi16(first, _mm512_set1_epi16(32)))]
     }
 
     #[inline(always)]
-    unsafe fn load(self, from: *const u16) -> __m512i {
+    unsafe fn load(self, from: *const u16) -> Words {
         // SAFETY: the caller's promise.
-        unsafe { _mm512_loadu_si512(from.cast()) }
+        unsafe { each!([0, 32], |lane| _mm512_loadu_si512(from.add(lane).cast())) }
     }
 
     #[inline(always)]
-    unsafe fn store(self, to: *mut u16, words: __m512i) {
+    unsafe fn store(self, to: *mut u16, words: Words) {
         // SAFETY: the caller's promise.
-        unsafe { _mm512_storeu_si512(to.cast(), words) }
-    }
-
-    #[inline(always)]
-    unsafe fn load_voxels(self, format: VoxelFormat, from: *const u8) -> __m512i {
-        // SAFETY: the caller's promise; an 8-bit format has half as many bytes.
         unsafe {
-            match format {
-                VoxelFormat::Uint8 => {
-                    _mm512_slli_epi16::<7>(_mm512_cvtepu8_epi16(_mm256_loadu_si256(from.cast())))
-                }
-                VoxelFormat::Uint12Lower => {
-                    _mm512_srli_epi16::<1>(_mm512_slli_epi16::<4>(_mm512_loadu_si512(from.cast())))
-                }
-                VoxelFormat::Uint12Upper => {
-                    let words = _mm512_srli_epi16::<1>(_mm512_loadu_si512(from.cast()));
-                    _mm512_and_si512(words, _mm512_set1_epi16(0x7ff8))
-                }
-            }
+            _mm512_storeu_si512(to.cast(), words[0]);
+            _mm512_storeu_si512(to.add(32).cast(), words[1]);
         }
     }
 
     #[inline(always)]
-    unsafe fn add_to_sums(self, sums: *mut u32, words: __m512i) {
+    unsafe fn load_voxels(self, format: VoxelFormat, from: *const u8) -> Words {
+        // SAFETY: the caller's promise; an 8-bit format has half as many bytes.
+        unsafe {
+            each!([0, 32], |voxel| {
+                let from = from.add(voxel * format.bytes());
+                match format {
+                    VoxelFormat::Uint8 => {
+                        _mm512_slli_epi16::<7>(_mm512_cvtepu8_epi16(_mm256_loadu_si256(from.cast())))
+                    }
+                    VoxelFormat::Uint12Lower => {
+                        _mm512_srli_epi16::<1>(_mm512_slli_epi16::<4>(_mm512_loadu_si512(from.cast())))
+                    }
+                    VoxelFormat::Uint12Upper => {
+                        let words = _mm512_srli_epi16::<1>(_mm512_loadu_si512(from.cast()));
+                        _mm512_and_si512(words, _mm512_set1_epi16(0x7ff8))
+                    }
+                }
+            })
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn add_to_sums(self, sums: *mut u32, words: Words) {
         // SAFETY: the caller's promise.
         unsafe {
-            let halves = [_mm512_castsi512_si256(words), _mm512_extracti64x4_epi64::<1>(words)];
-            for (half, words) in halves.into_iter().enumerate() {
-                let place = sums.add(16 * half).cast();
+            let [a, b] = each!([words[0], words[1]], |words| [
+                _mm512_castsi512_si256(words),
+                _mm512_extracti64x4_epi64::<1>(words)
+            ]);
+            for (quarter, words) in [a, b].into_iter().flatten().enumerate() {
+                let place = sums.add(16 * quarter).cast();
                 let sum = _mm512_add_epi32(_mm512_loadu_si512(place), _mm512_cvtepu16_epi32(words));
                 _mm512_storeu_si512(place.cast(), sum);
             }
@@ -243,182 +308,217 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    fn add(self, a: __m512i, b: __m512i) -> __m512i {
-        avx512!(_mm512_add_epi16(a, b))
+    fn add(self, a: Words, b: Words) -> Words {
+        registers!(_mm512_add_epi16(a, b))
     }
 
     #[inline(always)]
-    fn subtract(self, a: __m512i, b: __m512i) -> __m512i {
-        avx512!(_mm512_sub_epi16(a, b))
+    fn subtract(self, a: Words, b: Words) -> Words {
+        registers!(_mm512_sub_epi16(a, b))
     }
 
     #[inline(always)]
-    fn multiply_low(self, a: __m512i, b: __m512i) -> __m512i {
-        avx512!(_mm512_mullo_epi16(a, b))
+    fn multiply_low(self, a: Words, b: Words) -> Words {
+        registers!(_mm512_mullo_epi16(a, b))
     }
 
     #[inline(always)]
-    fn multiply_high(self, a: __m512i, b: __m512i) -> __m512i {
-        avx512!(high_half(a, b))
+    fn multiply_high(self, a: Words, b: Words) -> Words {
+        registers!(high_half(a, b))
     }
 
     #[inline(always)]
-    fn multiply_high_signed(self, a: __m512i, b: __m512i) -> __m512i {
-        avx512!(_mm512_mulhi_epi16(a, b))
+    fn multiply_high_signed(self, a: Words, b: Words) -> Words {
+        registers!(_mm512_mulhi_epi16(a, b))
     }
 
     #[inline(always)]
-    fn multiply_round(self, a: __m512i, b: __m512i) -> __m512i {
-        avx512!(_mm512_mulhrs_epi16(a, b))
+    fn multiply_round(self, a: Words, b: Words) -> Words {
+        registers!(_mm512_mulhrs_epi16(a, b))
     }
 
     #[inline(always)]
-    fn average(self, a: __m512i, b: __m512i) -> __m512i {
-        avx512!(_mm512_avg_epu16(a, b))
+    fn average(self, a: Words, b: Words) -> Words {
+        registers!(_mm512_avg_epu16(a, b))
     }
 
     #[inline(always)]
-    fn min(self, a: __m512i, b: __m512i) -> __m512i {
-        avx512!(_mm512_min_epi16(a, b))
+    fn min(self, a: Words, b: Words) -> Words {
+        registers!(_mm512_min_epi16(a, b))
     }
 
     #[inline(always)]
-    fn max(self, a: __m512i, b: __m512i) -> __m512i {
-        avx512!(_mm512_max_epi16(a, b))
+    fn max(self, a: Words, b: Words) -> Words {
+        registers!(_mm512_max_epi16(a, b))
     }
 
     #[inline(always)]
-    fn absolute(self, a: __m512i) -> __m512i {
-        avx512!(_mm512_abs_epi16(a))
+    fn absolute(self, a: Words) -> Words {
+        registers!(_mm512_abs_epi16(a))
     }
 
     #[inline(always)]
-    fn with_sign(self, magnitude: __m512i, sign: __m512i) -> __m512i {
+    fn with_sign(self, magnitude: Words, sign: Words) -> Words {
+        let negative = registers!(_mm512_movepi16_mask(sign));
+        registers!(negated(negative, magnitude))
+    }
+
+    #[inline(always)]
+    fn with_signs(self, magnitude: Words, signs: [Words; 2]) -> Words {
+        let [a, b] = each!([signs[0], signs[1]], |sign| registers!(_mm512_movepi16_mask(sign)));
+        let negative = registers!(_kxor_mask32(a, b));
+        registers!(negated(negative, magnitude))
+    }
+
+    #[inline(always)]
+    fn shift_left<const BITS: i32>(self, a: Words) -> Words {
+        each!([a[0], a[1]], |a| avx512!(_mm512_sll_epi16(a, _mm_cvtsi32_si128(BITS))))
+    }
+
+    #[inline(always)]
+    fn shift_right<const BITS: i32>(self, a: Words) -> Words {
+        each!([a[0], a[1]], |a| avx512!(_mm512_srl_epi16(a, _mm_cvtsi32_si128(BITS))))
+    }
+
+    #[inline(always)]
+    fn shift_right_signed<const BITS: i32>(self, a: Words) -> Words {
+        each!([a[0], a[1]], |a| avx512!(_mm512_sra_epi16(a, _mm_cvtsi32_si128(BITS))))
+    }
+
+    #[inline(always)]
+    fn and(self, a: Words, b: Words) -> Words {
+        registers!(_mm512_and_si512(a, b))
+    }
+
+    #[inline(always)]
+    fn greater(self, a: Words, b: Words) -> [__mmask32; 2] {
+        registers!(_mm512_cmpgt_epi16_mask(a, b))
+    }
+
+    #[inline(always)]
+    fn equal(self, a: Words, b: Words) -> [__mmask32; 2] {
+        registers!(_mm512_cmpeq_epi16_mask(a, b))
+    }
+
+    #[inline(always)]
+    fn both(self, a: [__mmask32; 2], b: [__mmask32; 2]) -> [__mmask32; 2] {
+        [a[0] & b[0], a[1] & b[1]]
+    }
+
+    #[inline(always)]
+    fn select(self, mask: [__mmask32; 2], yes: Words, no: Words) -> Words {
+        registers!(_mm512_mask_blend_epi16(mask, no, yes))
+    }
+
+    #[inline(always)]
+    fn any(self, mask: [__mmask32; 2]) -> bool {
+        mask[0] | mask[1] != 0
+    }
+
+    #[inline(always)]
+    fn bits(self, mask: [__mmask32; 2]) -> u64 {
+        u64::from(mask[0]) | u64::from(mask[1]) << 32
+    }
+
+    #[inline(always)]
+    fn narrow(self, a: Words) -> __m512i {
+        avx512!(_mm512_packs_epi16(a[0], a[1]))
+    }
+
+    #[inline(always)]
+    fn widen_high(self, a: __m512i) -> Words {
+        interleave(self.splat_small(0), a)
+    }
+
+    #[inline(always)]
+    fn splat_small(self, value: i8) -> __m512i {
+        avx512!(_mm512_set1_epi8(value))
+    }
+
+    #[inline(always)]
+    fn add_small(self, a: __m512i, b: __m512i) -> __m512i {
+        avx512!(_mm512_add_epi8(a, b))
+    }
+
+    #[inline(always)]
+    fn min_small(self, a: __m512i, b: __m512i) -> __m512i {
+        avx512!(_mm512_min_epi8(a, b))
+    }
+
+    #[inline(always)]
+    fn max_small(self, a: __m512i, b: __m512i) -> __m512i {
+        avx512!(_mm512_max_epi8(a, b))
+    }
+
+    #[inline(always)]
+    fn absolute_small(self, a: __m512i) -> __m512i {
+        avx512!(_mm512_abs_epi8(a))
+    }
+
+    #[inline(always)]
+    fn with_sign_small(self, magnitude: __m512i, sign: __m512i) -> __m512i {
         avx512!({
-            let negative = _mm512_movepi16_mask(sign);
-            _mm512_mask_sub_epi16(magnitude, negative, _mm512_setzero_si512(), magnitude)
+            let negative = _mm512_movepi8_mask(sign);
+            _mm512_mask_sub_epi8(magnitude, negative, _mm512_setzero_si512(), magnitude)
         })
     }
 
     #[inline(always)]
-    fn shift_left<const BITS: i32>(self, a: __m512i) -> __m512i {
-        avx512!(_mm512_sll_epi16(a, _mm_cvtsi32_si128(BITS)))
+    fn greater_small(self, a: __m512i, b: __m512i) -> __mmask64 {
+        avx512!(_mm512_cmpgt_epi8_mask(a, b))
     }
 
     #[inline(always)]
-    fn shift_right<const BITS: i32>(self, a: __m512i) -> __m512i {
-        avx512!(_mm512_srl_epi16(a, _mm_cvtsi32_si128(BITS)))
-    }
-
-    #[inline(always)]
-    fn shift_right_signed<const BITS: i32>(self, a: __m512i) -> __m512i {
-        avx512!(_mm512_sra_epi16(a, _mm_cvtsi32_si128(BITS)))
-    }
-
-    #[inline(always)]
-    fn and(self, a: __m512i, b: __m512i) -> __m512i {
-        avx512!(_mm512_and_si512(a, b))
-    }
-
-    #[inline(always)]
-    fn greater(self, a: __m512i, b: __m512i) -> __mmask32 {
-        avx512!(_mm512_cmpgt_epi16_mask(a, b))
-    }
-
-    #[inline(always)]
-    fn equal(self, a: __m512i, b: __m512i) -> __mmask32 {
-        avx512!(_mm512_cmpeq_epi16_mask(a, b))
-    }
-
-    #[inline(always)]
-    fn both(self, a: __mmask32, b: __mmask32) -> __mmask32 {
+    fn both_small(self, a: __mmask64, b: __mmask64) -> __mmask64 {
         a & b
     }
 
     #[inline(always)]
-    fn select(self, mask: __mmask32, yes: __m512i, no: __m512i) -> __m512i {
-        avx512!(_mm512_mask_blend_epi16(mask, no, yes))
+    fn select_small(self, mask: __mmask64, yes: __m512i, no: __m512i) -> __m512i {
+        avx512!(_mm512_mask_blend_epi8(mask, no, yes))
     }
 
     #[inline(always)]
-    fn any(self, mask: __mmask32) -> bool {
-        mask != 0
-    }
-
-    #[inline(always)]
-    fn bits(self, mask: __mmask32) -> u64 {
-        mask.into()
-    }
-
-    #[inline(always)]
-    fn square_root(self, a: __m512i) -> __m512i {
-        avx512!({
+    fn square_root(self, a: Words) -> Words {
+        each!([a[0], a[1]], |a| avx512!({
             let zero = _mm512_setzero_si512();
             let halves = [_mm512_unpacklo_epi16(a, zero), _mm512_unpackhi_epi16(a, zero)];
             let [low, high] = each!([halves[0], halves[1]], |half| _mm512_cvtps_epi32(_mm512_sqrt_ps(
                 _mm512_cvtepi32_ps(half)
             )));
             _mm512_packus_epi32(low, high)
-        })
+        }))
     }
 
     #[inline(always)]
-    fn reciprocal_of_gradient(self, a: __m512i) -> __m512i {
-        let [low, high] = [words_at(&GRADIENTS[0], a), words_at(&GRADIENTS[1], a)];
-        self.select(self.greater(a, self.splat(63)), high, low)
+    fn reciprocal_of_gradient(self, a: __m512i) -> Words {
+        interleave(bytes_at(&GRADIENTS[0], a), bytes_at(&GRADIENTS[1], a))
     }
 
     #[inline(always)]
-    fn reciprocal_seed(self, a: __m512i) -> __m512i {
-        words_at(&SEEDS, self.shift_right::<8>(a))
+    fn reciprocal_seed(self, a: Words) -> Words {
+        let high = self.shift_right::<8>(a);
+        each!([high[0], high[1]], |index| avx512!({
+            let [low, high] = each!([0, 32], |at| _mm512_load_si512(SEEDS.0.as_ptr().add(at).cast()));
+            _mm512_permutex2var_epi16(low, index, high)
+        }))
     }
 
     #[inline(always)]
-    unsafe fn classify(self, table: &Classification, values: __m512i) -> [__m512i; 4] {
-        let table = table.entries();
-        let quarters = quarters(values);
-        // Samples 2 i and 2 i + 1 in the first quarter, those 8, 16 and 24 behind them in the others.
-        // SAFETY: the caller promises that no value lies behind the table's last entry.
-        unsafe {
-            let low = each!([0, 1, 2, 3], |at| quarters[at][0]);
-            let high = each!([0, 1, 2, 3], |at| quarters[at][1]);
-            let [a, b, c, d] = [
-                four_pairs(table, low),
-                four_pairs(table, each!([0, 1, 2, 3], |at| low[at] >> 32)),
-                four_pairs(table, high),
-                four_pairs(table, each!([0, 1, 2, 3], |at| high[at] >> 32)),
-            ];
-            let [even, odd] = [_mm512_unpacklo_epi16(a, b), _mm512_unpackhi_epi16(a, b)];
-            let [rg, ba] = [_mm512_unpacklo_epi16(even, odd), _mm512_unpackhi_epi16(even, odd)];
-            let [even, odd] = [_mm512_unpacklo_epi16(c, d), _mm512_unpackhi_epi16(c, d)];
-            let [rg_behind, ba_behind] = [_mm512_unpacklo_epi16(even, odd), _mm512_unpackhi_epi16(even, odd)];
-            [
-                _mm512_unpacklo_epi64(rg, rg_behind),
-                _mm512_unpackhi_epi64(rg, rg_behind),
-                _mm512_unpacklo_epi64(ba, ba_behind),
-                _mm512_unpackhi_epi64(ba, ba_behind),
-            ]
-        }
-    }
-
-    #[inline(always)]
-    unsafe fn blend_entries(self, table: &Classification, values: __m512i, rays: *mut u16) {
-        let table = table.entries();
-        let [a, b, c, d] = quarters(values);
-        let full = self.splat(FULL as i16);
-        for (quarter, [low, high]) in [a, b, c, d].into_iter().enumerate() {
+    unsafe fn classify(self, table: &Classification, values: Words) -> [Words; 4] {
+        let [first, second] = each!([0, 1], |register| {
             // SAFETY: the caller's promise.
-            unsafe {
-                let first = join(two_entries(table, low), two_entries(table, low >> 32));
-                let second = join(two_entries(table, high), two_entries(table, high >> 32));
-                let samples = _mm512_inserti64x4::<1>(_mm512_castsi256_si512(first), second);
-                let place = rays.add(32 * quarter).cast::<__m512i>();
-                let accumulated = _mm512_loadu_si512(place);
-                let alpha = _mm512_shuffle_epi8(accumulated, _mm512_broadcast_i32x4(alpha_of_two()));
-                let transparency = _mm512_slli_epi16::<3>(_mm512_sub_epi16(full, alpha));
-                let more = _mm512_mulhrs_epi16(samples, transparency);
-                _mm512_storeu_si512(place, _mm512_add_epi16(accumulated, more));
-            }
+            unsafe { classify(table.entries(), values[register]) }
+        });
+        each!([0, 1, 2, 3], |channel| [first[channel], second[channel]])
+    }
+
+    #[inline(always)]
+    unsafe fn blend_entries(self, table: &Classification, values: Words, rays: *mut u16) {
+        // SAFETY: the caller's promise.
+        unsafe {
+            blend_entries(table.entries(), values[0], rays);
+            blend_entries(table.entries(), values[1], rays.add(4 * 32));
         }
     }
 
@@ -427,7 +527,7 @@ impl Simd for Avx512 {
     fn map(self, map: &ReflectanceMap) -> Parities {
         let table = |v_parity: usize, u_parity: usize| {
             let mut bytes = [0; 128];
-            for (index, byte) in bytes.iter_mut().enumerate().take(96) {
+            for (index, byte) in bytes.iter_mut().enumerate().take(DARK as usize * 16) {
                 let [face, v, u] = [index / 16, index / 4 % 4, index % 4];
                 *byte = map.at(face, 2 * v + v_parity, 2 * u + u_parity);
             }
@@ -437,15 +537,25 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn reflectance(self, map: &Parities, face: __m512i, u: __m512i, v: __m512i) -> __m512i {
-        let [u, v] = [Vertices::around(self, u), Vertices::around(self, v)];
-        let face = self.shift_left::<4>(face);
-        let whole = self.splat(32);
-        let [u_even, u_odd] = [u.even_weight, self.subtract(whole, u.even_weight)];
-        let across = Across { index: self.bytes(u.even, u.odd), weights: self.bytes(u_even, u_odd) };
-        let [v_even, v_odd] = [v.even_weight, self.subtract(whole, v.even_weight)];
-        let even = self.row(&map.0[0], self.add(face, self.shift_left::<2>(v.even)), v_even, &across);
-        let odd = self.row(&map.0[1], self.add(face, self.shift_left::<2>(v.odd)), v_odd, &across);
+    unsafe fn reflectance(self, map: &Parities, face: __m512i, u: __m512i, v: __m512i) -> Words {
+        let half = self.splat_small(HALF_FACE as i8);
+        let [u, v] = each!([u, v], |coordinate| Vertices::around(self.add_small(half, coordinate)));
+        // Pairs of vertices lie 64 apart; a face has 16 entries of each parity, a pair of rows four.
+        let columns = u.pairs::<6>(0b11);
+        let face = avx512!(_mm512_slli_epi16::<4>(face));
+        let rows = v.pairs::<4>(0b1100);
+        let across = interleave(u.weights[0], u.weights[1]);
+        let [even, odd] = each!([0, 1], |row| {
+            let start = avx512!(_mm512_or_si512(face, rows[row]));
+            let [even, odd] = each!([0, 1], |column| {
+                bytes_at(&map.0[row][column], avx512!(_mm512_or_si512(start, columns[column])))
+            });
+            let vertices = interleave(even, odd);
+            // A row of at most 8160 times 8 and a weight times 2^10: the high half is row times weight / 8.
+            let row_of = registers!(_mm512_maddubs_epi16(vertices, across));
+            let weight = self.shift_left::<2>(self.widen_high(v.weights[row]));
+            self.multiply_high(self.shift_left::<3>(row_of), weight)
+        });
         let intensity = self.add(even, odd);
         self.add(intensity, self.shift_right::<8>(intensity))
     }
@@ -456,10 +566,14 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn factor(self, table: &Factors, index: __m512i) -> __m512i {
-        let [low, high] = [bytes_at(&table.0[0], LOWER, index), bytes_at(&table.0[1], LOWER, index)];
-        let factor = self.select(self.greater(index, self.splat(127)), high, low);
-        avx512!(_mm512_or_si512(_mm512_slli_epi16::<7>(factor), _mm512_srli_epi16::<1>(factor)))
+    unsafe fn factor(self, table: &Factors, index: Words) -> Words {
+        avx512!({
+            let index = _mm512_packus_epi16(index[0], index[1]);
+            let [low, high] = [bytes_at(&table.0[0], index), bytes_at(&table.0[1], index)];
+            let factor = _mm512_mask_blend_epi8(_mm512_movepi8_mask(index), low, high);
+            // f * 257 / 2 is f << 7 | f >> 1.
+            self.shift_right::<1>(interleave(factor, factor))
+        })
     }
 
     #[inline(always)]
@@ -467,6 +581,13 @@ impl Simd for Avx512 {
         // SAFETY: the caller's promise.
         unsafe { self.0.load_transposed(format, from, pitch) }
     }
+}
+
+/// -a where the mask is set.
+#[inline]
+#[target_feature(enable = "avx512bw")]
+fn negated(mask: __mmask32, a: __m512i) -> __m512i {
+    _mm512_mask_sub_epi16(a, mask, _mm512_setzero_si512(), a)
 }
 
 /// High half of a b, without sign. The instruction is written out because LLVM turns the intrinsic into

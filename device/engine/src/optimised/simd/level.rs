@@ -1,7 +1,5 @@
 //! Which instructions the kernels use.
 
-#[cfg(target_arch = "x86_64")]
-use super::pair::Pair;
 use super::{Portable, Simd, Work};
 use core::fmt::{Display, Formatter};
 
@@ -10,10 +8,10 @@ use core::fmt::{Display, Formatter};
 pub enum Level {
     /// Portable Rust.
     Portable(Portable),
-    /// AVX2: 16 lanes.
+    /// AVX2: 64 lanes.
     #[cfg(target_arch = "x86_64")]
     Avx2(super::avx2::Avx2),
-    /// AVX-512 with byte and word instructions and permutations of bytes: 32 lanes.
+    /// AVX-512 with byte and word instructions and permutations of bytes: 64 lanes.
     #[cfg(target_arch = "x86_64")]
     Avx512(super::avx512::Avx512),
 }
@@ -95,9 +93,9 @@ impl Level {
         match self {
             Self::Portable(simd) => simd.run(work),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2(simd) => Pair(simd).run(work),
+            Self::Avx2(simd) => simd.run(work),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512(simd) => Pair(simd).run(work),
+            Self::Avx512(simd) => simd.run(work),
         }
     }
 }

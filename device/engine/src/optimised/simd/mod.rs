@@ -8,7 +8,6 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod level;
-mod pair;
 mod portable;
 #[cfg(test)]
 mod tests;
@@ -34,8 +33,72 @@ macro_rules! each {
 }
 pub(crate) use each;
 
+/// What a level says that has no operations of its own on small numbers: they are words.
+macro_rules! small_numbers_are_words {
+    () => {
+        #[inline(always)]
+        fn narrow(self, a: Self::Words) -> Self::Words {
+            a
+        }
+
+        #[inline(always)]
+        fn widen_high(self, a: Self::Words) -> Self::Words {
+            self.shift_left::<8>(a)
+        }
+
+        #[inline(always)]
+        fn splat_small(self, value: i8) -> Self::Words {
+            self.splat(value.into())
+        }
+
+        #[inline(always)]
+        fn add_small(self, a: Self::Words, b: Self::Words) -> Self::Words {
+            self.add(a, b)
+        }
+
+        #[inline(always)]
+        fn min_small(self, a: Self::Words, b: Self::Words) -> Self::Words {
+            self.min(a, b)
+        }
+
+        #[inline(always)]
+        fn max_small(self, a: Self::Words, b: Self::Words) -> Self::Words {
+            self.max(a, b)
+        }
+
+        #[inline(always)]
+        fn absolute_small(self, a: Self::Words) -> Self::Words {
+            self.absolute(a)
+        }
+
+        #[inline(always)]
+        fn with_sign_small(self, magnitude: Self::Words, sign: Self::Words) -> Self::Words {
+            self.with_sign(magnitude, sign)
+        }
+
+        #[inline(always)]
+        fn greater_small(self, a: Self::Words, b: Self::Words) -> Self::Mask {
+            self.greater(a, b)
+        }
+
+        #[inline(always)]
+        fn both_small(self, a: Self::Mask, b: Self::Mask) -> Self::Mask {
+            self.both(a, b)
+        }
+
+        #[inline(always)]
+        fn select_small(self, mask: Self::Mask, yes: Self::Words, no: Self::Words) -> Self::Words {
+            self.select(mask, yes, no)
+        }
+    };
+}
+use small_numbers_are_words;
+
 /// The most lanes of any implementation; each divides it.
 pub const MOST_LANES: usize = 64;
+
+/// The face behind those of a reflectance map.
+pub const DARK: i8 = 6;
 
 /// Work that runs with the instructions of some level. Implementations of `run` are `#[inline(always)]`, so that
 /// the compiler makes them, and all that they call, of those instructions.
@@ -55,9 +118,15 @@ pub trait Simd: Copy + Send + Sync + 'static {
     const LANES: usize;
     /// A vector.
     type Words: Copy + core::fmt::Debug;
+    /// The same word for each lane.
+    type Constant: Copy + core::fmt::Debug;
     /// A truth value for each lane.
     type Mask: Copy + core::fmt::Debug;
-    /// A reflectance map in the form that [`Self::reflectance`] looks up.
+    /// A signed number of 8 bits for each lane, in a form of the level's own.
+    type Small: Copy + core::fmt::Debug;
+    /// A truth value for each of these.
+    type SmallMask: Copy + core::fmt::Debug;
+    /// A reflectance map in the form that [`Self::reflectance`] looks up, with a dark face behind its six.
     type Map;
     /// A table of 256 factors in the form that [`Self::factor`] looks up.
     type Factors;
@@ -65,8 +134,15 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// Runs `work` with these instructions.
     fn run<W: Work>(self, work: W) -> W::Output;
 
+    /// A value for each lane, to be kept: it takes less room than a vector.
+    fn constant(self, value: i16) -> Self::Constant;
+    /// It in each lane.
+    fn spread(self, constant: Self::Constant) -> Self::Words;
     /// The same value in each lane.
-    fn splat(self, value: i16) -> Self::Words;
+    #[inline(always)]
+    fn splat(self, value: i16) -> Self::Words {
+        self.spread(self.constant(value))
+    }
     /// 0, 1, 2, ...
     fn count(self) -> Self::Words;
     /// Reads a vector.
@@ -119,6 +195,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn absolute(self, a: Self::Words) -> Self::Words;
     /// `magnitude` with the sign of `sign`, for magnitudes that are 0 wherever `sign` is.
     fn with_sign(self, magnitude: Self::Words, sign: Self::Words) -> Self::Words;
+    /// As [`Self::with_sign`], with the sign of the product of two.
+    fn with_signs(self, magnitude: Self::Words, signs: [Self::Words; 2]) -> Self::Words;
     /// a << BITS.
     fn shift_left<const BITS: i32>(self, a: Self::Words) -> Self::Words;
     /// a >> BITS.
@@ -141,10 +219,33 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// The lanes in which the mask is set, the first one as the lowest bit.
     fn bits(self, mask: Self::Mask) -> u64;
 
+    /// Small numbers, of words; of those beyond -128..=127 only the sign is kept.
+    fn narrow(self, a: Self::Words) -> Self::Small;
+    /// Small numbers times 2^8.
+    fn widen_high(self, a: Self::Small) -> Self::Words;
+    /// The same small number in each lane.
+    fn splat_small(self, value: i8) -> Self::Small;
+    /// a + b, where that is a small number.
+    fn add_small(self, a: Self::Small, b: Self::Small) -> Self::Small;
+    /// The lesser.
+    fn min_small(self, a: Self::Small, b: Self::Small) -> Self::Small;
+    /// The greater.
+    fn max_small(self, a: Self::Small, b: Self::Small) -> Self::Small;
+    /// The absolute value of any but -128.
+    fn absolute_small(self, a: Self::Small) -> Self::Small;
+    /// As [`Self::with_sign`].
+    fn with_sign_small(self, magnitude: Self::Small, sign: Self::Small) -> Self::Small;
+    /// a > b.
+    fn greater_small(self, a: Self::Small, b: Self::Small) -> Self::SmallMask;
+    /// Both.
+    fn both_small(self, a: Self::SmallMask, b: Self::SmallMask) -> Self::SmallMask;
+    /// `yes` where the mask is set, `no` elsewhere.
+    fn select_small(self, mask: Self::SmallMask, yes: Self::Small, no: Self::Small) -> Self::Small;
+
     /// round(sqrt(a)) for a up to 2^16 - 1.
     fn square_root(self, a: Self::Words) -> Self::Words;
     /// round(14336 / a), half up, for a in 1..=127; 0 or any other value for 0.
-    fn reciprocal_of_gradient(self, a: Self::Words) -> Self::Words;
+    fn reciprocal_of_gradient(self, a: Self::Small) -> Self::Words;
     /// round(2^27 / (a with its low byte replaced by 128)), half up, for a in 3584..=18943; any other value
     /// elsewhere.
     fn reciprocal_seed(self, a: Self::Words) -> Self::Words;
@@ -167,8 +268,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
 
     /// Prepares a map.
     fn map(self, map: &ReflectanceMap) -> Self::Map;
-    /// Looks directions up: the face in 0..=5, and u and v on it in 0..=224, as
-    /// [`crate::stage::reflectance::look_up`] does.
+    /// Looks directions up: the face in 0..=5, and u and v on it in -112..=112, as
+    /// [`crate::stage::reflectance::look_up`] does. On face [`DARK`] nothing is reflected.
     ///
     /// # Safety
     ///
@@ -176,9 +277,9 @@ pub trait Simd: Copy + Send + Sync + 'static {
     unsafe fn reflectance(
         self,
         map: &Self::Map,
-        face: Self::Words,
-        u: Self::Words,
-        v: Self::Words,
+        face: Self::Small,
+        u: Self::Small,
+        v: Self::Small,
     ) -> Self::Words;
 
     /// Prepares a table of factors.

@@ -1,8 +1,10 @@
 //! 16 lanes in portable Rust.
 
-use super::{Simd, Work};
+use super::{DARK, Simd, Work, small_numbers_are_words};
 use crate::fixed::{FULL, product, unity};
+use crate::optimised::reciprocal::GRADIENT;
 use crate::optimised::tables::{Classification, ReflectanceMap};
+use crate::stage::reflectance::HALF_FACE;
 use core::array::from_fn;
 use vg500_regs::VoxelFormat;
 
@@ -31,7 +33,10 @@ fn signed(a: Words, b: Words, operation: impl Fn(i32, i32) -> i32) -> Words {
 impl Simd for Portable {
     const LANES: usize = LANES;
     type Words = Words;
+    type Constant = u16;
     type Mask = [bool; LANES];
+    type Small = Words;
+    type SmallMask = [bool; LANES];
     type Map = ReflectanceMap;
     type Factors = [u16; 256];
 
@@ -41,8 +46,13 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn splat(self, value: i16) -> Words {
-        [value.cast_unsigned(); LANES]
+    fn constant(self, value: i16) -> u16 {
+        value.cast_unsigned()
+    }
+
+    #[inline(always)]
+    fn spread(self, constant: u16) -> Words {
+        [constant; LANES]
     }
 
     #[inline(always)]
@@ -144,6 +154,11 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    fn with_signs(self, magnitude: Words, signs: [Words; 2]) -> Words {
+        self.with_sign(self.with_sign(magnitude, signs[0]), signs[1])
+    }
+
+    #[inline(always)]
     fn shift_left<const BITS: i32>(self, a: Words) -> Words {
         each(a, |a| a << BITS)
     }
@@ -193,6 +208,8 @@ impl Simd for Portable {
         (0..LANES).fold(0, |bits, lane| bits | u64::from(mask[lane]) << lane)
     }
 
+    small_numbers_are_words!();
+
     #[inline(always)]
     fn square_root(self, a: Words) -> Words {
         // The floor, and one more where a > floor^2 + floor: there the root is nearer to the next.
@@ -204,7 +221,7 @@ impl Simd for Portable {
 
     #[inline(always)]
     fn reciprocal_of_gradient(self, a: Words) -> Words {
-        each(a, |a| if a == 0 { 0 } else { ((28672 + u32::from(a)) / (2 * u32::from(a))) as u16 })
+        each(a, |a| GRADIENT[usize::from(a & 127)])
     }
 
     #[inline(always)]
@@ -244,7 +261,11 @@ impl Simd for Portable {
     #[inline(always)]
     unsafe fn reflectance(self, map: &ReflectanceMap, face: Words, u: Words, v: Words) -> Words {
         from_fn(|lane| {
-            let [face, u, v] = [face[lane], u[lane], v[lane]].map(usize::from);
+            if face[lane] == u16::from(DARK.cast_unsigned()) {
+                return 0;
+            }
+            let from_edge = |coordinate: Words| usize::from(coordinate[lane].wrapping_add(HALF_FACE as u16));
+            let [face, u, v] = [usize::from(face[lane]), from_edge(u), from_edge(v)];
             let vertex = |row, column| u32::from(map.at(face, v / 32 + row, u / 32 + column));
             let weight = |coordinate: usize| (coordinate % 32) as u32;
             let row = |row| vertex(row, 0) * (32 - weight(u)) + vertex(row, 1) * weight(u);

@@ -148,10 +148,69 @@ tests! {
         |simd, [a, b, weight]| simd.lerp(a, b, weight),
         |[a, b, weight]| interpolate::lerp(a.into(), b.into(), i32::from(weight) / 128) as u16;
     square_root: 1, singles(), |simd, [a]| simd.square_root(a), |[a]| f64::from(a).sqrt().round() as u16;
+    narrow: 1, smalls(), |simd, [a]| widen(simd, simd.narrow(a)), |[a]| a;
+    narrow_keeps_signs: 1, singles(),
+        |simd, [a]| widen(simd, simd.with_sign_small(sign(simd, a), simd.narrow(a))), |[a]| signed(a).signum() as u16;
+    widen_high: 1, smalls(), |simd, [a]| simd.widen_high(simd.narrow(a)), |[a]| a << 8;
+    add_small: 2, small_pairs(|sum| (-128..128).contains(&sum)),
+        |simd, [a, b]| widen(simd, simd.add_small(simd.narrow(a), simd.narrow(b))), |[a, b]| a.wrapping_add(b);
+    min_small: 2, small_pairs(|_| true),
+        |simd, [a, b]| widen(simd, simd.min_small(simd.narrow(a), simd.narrow(b))),
+        |[a, b]| signed(a).min(signed(b)) as u16;
+    max_small: 2, small_pairs(|_| true),
+        |simd, [a, b]| widen(simd, simd.max_small(simd.narrow(a), simd.narrow(b))),
+        |[a, b]| signed(a).max(signed(b)) as u16;
+    absolute_small: 1, smalls().split_off(1),
+        |simd, [a]| widen(simd, simd.absolute_small(simd.narrow(a))), |[a]| signed(a).unsigned_abs() as u16;
+    with_sign_small: 2,
+        signs().into_iter().filter(|[magnitude, _]| *magnitude < 128).collect::<Vec<_>>(),
+        |simd, [a, b]| widen(simd, simd.with_sign_small(simd.narrow(a), simd.narrow(b))),
+        |[a, b]| (signed(a) * signed(b).signum()) as u16;
+    greater_small: 2, small_pairs(|_| true),
+        |simd, [a, b]| {
+            let [a, b] = [simd.narrow(a), simd.narrow(b)];
+            widen(simd, simd.select_small(simd.greater_small(a, b), a, b))
+        },
+        |[a, b]| signed(a).max(signed(b)) as u16;
+    both_small: 2, small_pairs(|_| true),
+        |simd, [a, b]| {
+            let [a, b] = [simd.narrow(a), simd.narrow(b)];
+            let [low, high] = [simd.splat_small(-5), simd.splat_small(100)];
+            let masks = [simd.greater_small(a, low), simd.greater_small(high, b)];
+            widen(simd, simd.select_small(simd.both_small(masks[0], masks[1]), a, b))
+        },
+        |[a, b]| if signed(a) > -5 && signed(b) < 100 { a } else { b };
+    with_signs: 3, signs().into_iter().flat_map(|[a, b]| [3, 0xfff0].map(|c| [a, b, c])).collect::<Vec<_>>(),
+        |simd, [a, b, c]| simd.with_signs(a, [b, c]),
+        |[a, b, c]| (signed(a) * signed(b).signum() * signed(c).signum()) as u16;
     reciprocal_of_gradient: 1, (1..=127).map(|a| [a]).collect::<Vec<_>>(),
-        |simd, [a]| simd.reciprocal_of_gradient(a), |[a]| (14336.0 / f64::from(a)).round() as u16;
+        |simd, [a]| simd.reciprocal_of_gradient(simd.narrow(a)), |[a]| (14336.0 / f64::from(a)).round() as u16;
     reciprocal_seed: 1, (3584..=18943).map(|a| [a]).collect::<Vec<_>>(),
         |simd, [a]| simd.reciprocal_seed(a), |[a]| (134_217_728.0 / f64::from(a & 0xff00 | 0x80)).round() as u16;
+}
+
+/// Small numbers as words.
+#[inline(always)]
+fn widen<S: Simd>(simd: S, small: S::Small) -> S::Words {
+    simd.shift_right_signed::<8>(simd.widen_high(small))
+}
+
+/// 1 where a word has a sign that can be given to something, 0 for 0.
+#[inline(always)]
+fn sign<S: Simd>(simd: S, words: S::Words) -> S::Small {
+    let zero = simd.equal(words, simd.splat(0));
+    simd.narrow(simd.select(zero, simd.splat(0), simd.splat(1)))
+}
+
+/// All small numbers.
+fn smalls() -> Vec<[u16; 1]> {
+    (-128..128).map(|number: i16| [number.cast_unsigned()]).collect()
+}
+
+/// All pairs of small numbers with such a sum.
+fn small_pairs(wanted: impl Fn(i32) -> bool) -> Vec<[u16; 2]> {
+    let all = smalls().into_iter().flat_map(|[a]| smalls().into_iter().map(move |[b]| [a, b]));
+    all.filter(|[a, b]| wanted(signed(*a) + signed(*b))).collect()
 }
 
 /// Every magnitude, with signs that it may be given.

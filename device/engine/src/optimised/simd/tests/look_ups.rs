@@ -2,7 +2,7 @@
 
 use super::{Operation, at_every_level, compare, random, work};
 use crate::fixed::{FULL, product, unity};
-use crate::optimised::simd::{Simd, Work};
+use crate::optimised::simd::{DARK, Simd, Work};
 use crate::optimised::tables::{Classification, ReflectanceMap};
 use crate::stage::reflectance::{HALF_FACE, look_up};
 use crate::tables::Tables;
@@ -99,12 +99,17 @@ impl Operation<3> for Reflectance {
     #[inline(always)]
     fn vectors<S: Simd>(&self, simd: S, [face, u, v]: [S::Words; 3]) -> S::Words {
         let map = simd.map(&self.0);
+        let half = simd.splat(HALF_FACE as i16);
+        let [u, v] = [simd.narrow(simd.subtract(u, half)), simd.narrow(simd.subtract(v, half))];
         // SAFETY: the inputs are none but the allowed ones.
-        unsafe { simd.reflectance(&map, face, u, v) }
+        unsafe { simd.reflectance(&map, simd.narrow(face), u, v) }
     }
 
     /// Looks the face up as face +z, to which all of its edges belong.
     fn lane(&self, [face, u, v]: [u16; 3]) -> u16 {
+        if face == DARK as u16 {
+            return 0;
+        }
         let mut map = [0; REFLECTANCE_ENTRIES];
         let place = usize::from(face) * FACE;
         map[4 * FACE..5 * FACE].copy_from_slice(&self.0.0[place..place + FACE]);
@@ -114,15 +119,16 @@ impl Operation<3> for Reflectance {
 
 #[test]
 fn reflectance_in_all_directions() {
-    let directions =
-        || (0..6).flat_map(|face| (0..=224).flat_map(move |v| (0..=224).map(move |u| [face, u, v])));
+    let directions = || {
+        (0..=DARK as u16).flat_map(|face| (0..=224).flat_map(move |v| (0..=224).map(move |u| [face, u, v])))
+    };
     let inputs: Vec<_> = directions().collect();
     let bytes: Vec<_> = random(9).map(|word| word as u8).take(REFLECTANCE_ENTRIES).collect();
     compare(&inputs, &Reflectance(ReflectanceMap(bytes.try_into().unwrap())));
     compare(&inputs, &Reflectance(ReflectanceMap([255; REFLECTANCE_ENTRIES])));
     // Lanes look different faces up.
     let mut words = random(10);
-    let mixed = directions().map(|[_, u, v]| [words.next().unwrap() % 6, u, v]);
+    let mixed = directions().map(|[_, u, v]| [words.next().unwrap() % 7, u, v]);
     let bytes = from_fn(|entry| if entry % 3 == 0 { 255 } else { entry as u8 });
     compare(&mixed.collect::<Vec<_>>(), &Reflectance(ReflectanceMap(bytes)));
 }
