@@ -201,10 +201,10 @@ fn bandwidth(level: Level, threads: usize, set: WorkingSet) -> f64 {
 struct Read<'a>(&'a [Block]);
 
 impl Work for Read<'_> {
-    type Output = u16;
+    type Output = [u16; MOST_LANES];
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> u16 {
+    fn run<S: Simd>(self, simd: S) -> [u16; MOST_LANES] {
         let mut sums = simd.splat(0);
         for block in self.0 {
             for words in block.0.chunks_exact(S::LANES) {
@@ -215,7 +215,7 @@ impl Work for Read<'_> {
         let mut words = [0; MOST_LANES];
         // SAFETY: as many words as in any vector.
         unsafe { simd.store(words.as_mut_ptr(), sums) };
-        words[0]
+        words
     }
 }
 
