@@ -1,15 +1,15 @@
 //! The accumulators of the rays of a tile.
 
 use super::features::Features;
-use super::line::Block;
-use super::simd::{MOST_LANES, Simd};
+use super::line::{Block, VOXELS};
+use super::simd::{HALF, LANES, Simd};
 use super::tables::Classification;
 use crate::stage::composite::Ray;
 use vg500_regs::BlendMode;
 use vg500_regs::limit::BASE_PLANE_SIZE;
 
 /// Words before the first and behind the last ray: blocks may begin and end beside the base plane.
-const MARGIN: usize = MOST_LANES;
+const MARGIN: usize = LANES;
 const ROW: usize = MARGIN + BASE_PLANE_SIZE as usize + MARGIN;
 /// R, G, B, opacity, and the extreme value or the number of samples.
 const CHANNELS: usize = 5;
@@ -132,17 +132,17 @@ impl Accumulators {
     #[inline(always)]
     pub fn less_opaque<S: Simd>(&self, simd: S, row: usize, column: usize, limit: u16) -> u64 {
         let at = MARGIN + column.min(BASE_PLANE_SIZE as usize);
-        let mut copy = [0; MOST_LANES];
+        let mut copy = [0; LANES];
         let opacity = match self.layout {
             Layout::Rays => {
-                let rays = &self.rays[row].0[at..at + S::LANES];
+                let rays = &self.rays[row].0[at..at + LANES];
                 copy.iter_mut().zip(rays).for_each(|(opacity, ray)| *opacity = ray[ALPHA]);
                 copy.as_ptr()
             }
-            _ => self.planes[row][ALPHA].0[at..at + S::LANES].as_ptr(),
+            _ => self.planes[row][ALPHA].0[at..at + LANES].as_ptr(),
         };
         // SAFETY: a vector of opacities lies there.
-        let opacity = unsafe { simd.load(opacity) };
+        let opacity = unsafe { simd.load([opacity, opacity.add(HALF)]) };
         simd.bits(simd.greater(simd.splat(limit.cast_signed()), opacity))
     }
 
@@ -200,12 +200,15 @@ impl Accumulators {
 struct Shift(i32);
 
 impl Shift {
-    /// Where the rays of a block of voxels lie. A block that has no ray at all is not asked for.
+    /// Where the rays of the halves of a block of voxels lie. A half that has no ray at all is none but one behind
+    /// the voxels; its rays may be any behind those of the first half.
     #[inline(always)]
-    fn place(self, block: Block) -> usize {
-        let place = (MARGIN + block.start()).wrapping_sub(self.0 as isize as usize);
-        debug_assert!(place <= ROW - MOST_LANES, "{place}");
-        place.min(ROW - MOST_LANES)
+    fn places(self, block: Block) -> [usize; 2] {
+        block.starts().map(|start| {
+            let place = (MARGIN + start).wrapping_sub(self.0 as isize as usize);
+            debug_assert!(place <= ROW - HALF || start == VOXELS, "{place}");
+            place.min(ROW - HALF)
+        })
     }
 }
 
@@ -217,15 +220,17 @@ impl Row<'_> {
     /// The accumulators of a channel under a block of voxels.
     #[inline(always)]
     pub fn load<S: Simd>(&self, simd: S, channel: usize, block: Block) -> S::Words {
-        // SAFETY: the place is at least a vector before the row's end.
-        unsafe { simd.load(self.0[channel].0.as_ptr().add(self.1.place(block))) }
+        let row = self.0[channel].0.as_ptr();
+        // SAFETY: the places are at least half a vector before the row's end.
+        unsafe { simd.load(self.1.places(block).map(|place| row.add(place))) }
     }
 
     /// Replaces them.
     #[inline(always)]
     pub fn store<S: Simd>(&mut self, simd: S, channel: usize, block: Block, words: S::Words) {
-        // SAFETY: the place is at least a vector before the row's end, which is borrowed for writing.
-        unsafe { simd.store(self.0[channel].0.as_mut_ptr().add(self.1.place(block)), words) }
+        let row = self.0[channel].0.as_mut_ptr();
+        // SAFETY: the places are at least half a vector before the row's end, which is borrowed for writing.
+        unsafe { simd.store(self.1.places(block).map(|place| row.add(place)), words) }
     }
 }
 
@@ -237,8 +242,9 @@ impl SumRow<'_> {
     /// Adds to the sums of a channel.
     #[inline(always)]
     pub fn add<S: Simd>(&mut self, simd: S, channel: usize, block: Block, words: S::Words) {
-        // SAFETY: the place is at least a vector before the row's end, which is borrowed for writing.
-        unsafe { simd.add_to_sums(self.0[channel].0.as_mut_ptr().add(self.1.place(block)), words) }
+        let row = self.0[channel].0.as_mut_ptr();
+        // SAFETY: the places are at least half a vector before the row's end, which is borrowed for writing.
+        unsafe { simd.add_to_sums(self.1.places(block).map(|place| row.add(place)), words) }
     }
 }
 
@@ -254,11 +260,9 @@ impl RayRow<'_> {
     /// No value is greater than [`Classification::TRANSPARENT`].
     #[inline(always)]
     pub unsafe fn blend<S: Simd>(&mut self, simd: S, block: Block, table: &Classification, values: S::Words) {
-        // SAFETY: the caller's promise; the place is at least a vector before the row's end, which is borrowed for
-        // writing.
-        unsafe {
-            let rays = self.0.0.as_mut_ptr().add(self.1.place(block));
-            simd.blend_entries(table, values, rays.cast());
-        }
+        let row = self.0.0.as_mut_ptr();
+        // SAFETY: the caller's promise; the places are at least half a vector before the row's end, which is
+        // borrowed for writing.
+        unsafe { simd.blend_entries(table, values, self.1.places(block).map(|place| row.add(place).cast())) };
     }
 }

@@ -1,10 +1,11 @@
 //! Cells of a row: what is left out, is left out by cells.
 
-use super::line::VOXELS;
+use super::line::{Block, VOXELS};
+use super::simd::HALF;
 use core::ops::Range;
 
 /// Voxels of a cell.
-pub const CELL: usize = 32;
+pub const CELL: usize = HALF;
 /// Cells of a row.
 pub const CELLS: usize = VOXELS / CELL;
 
@@ -79,17 +80,6 @@ impl Cells {
         self.0.count_ones()
     }
 
-    /// All cells of the vectors of `lanes` words that they lie in.
-    #[inline(always)]
-    #[must_use]
-    pub const fn whole_vectors(self, lanes: usize) -> Self {
-        if lanes <= CELL {
-            return self;
-        }
-        let lower = (self.0 | self.0 >> 1) & 0x55;
-        Self(lower | lower << 1)
-    }
-
     /// With the cells next to them on both sides.
     #[inline(always)]
     #[must_use]
@@ -104,10 +94,21 @@ impl Cells {
         Self(self.0 | self.0 << 1)
     }
 
-    /// The words of cells next to each other.
+    /// Blocks of two of these cells each; if their number is odd, the last one has but one.
     #[inline(always)]
-    pub fn runs(self) -> Runs {
-        Runs(self.0.into())
+    pub const fn blocks(self) -> Blocks {
+        Blocks(self)
+    }
+
+    /// The first one, taken away.
+    #[inline(always)]
+    const fn take_first(&mut self) -> Option<usize> {
+        if self.is_empty() {
+            return None;
+        }
+        let first = self.0.trailing_zeros();
+        self.0 &= self.0 - 1;
+        Some(first as usize)
     }
 
     /// Words of these cells that lie in a range.
@@ -124,22 +125,17 @@ impl Cells {
 
 const _: () = assert!(CELLS == 8, "as many bits");
 
-/// The words of cells next to each other: [`Cells::runs`].
+/// Blocks of cells: [`Cells::blocks`].
 #[derive(Clone, Debug)]
-pub struct Runs(u32);
+pub struct Blocks(Cells);
 
-impl Iterator for Runs {
-    type Item = Range<usize>;
+impl Iterator for Blocks {
+    type Item = Block;
 
     #[inline(always)]
-    fn next(&mut self) -> Option<Range<usize>> {
-        if self.0 == 0 {
-            return None;
-        }
-        let start = self.0.trailing_zeros();
-        let end = start + (self.0 >> start).trailing_ones();
-        self.0 &= u32::MAX << end;
-        Some(start as usize * CELL..end as usize * CELL)
+    fn next(&mut self) -> Option<Block> {
+        let first = self.0.take_first()?;
+        Some(Block::of_halves(first, self.0.take_first()))
     }
 }
 
@@ -174,10 +170,11 @@ mod tests {
     fn every_set_of_cells() {
         for bits in 0..=u8::MAX {
             let cells = Cells(bits);
-            let words: Vec<_> = cells.runs().flatten().collect();
+            let starts = cells.blocks().flat_map(Block::starts).filter(|start| *start < VOXELS);
+            let words: Vec<_> = starts.flat_map(|start| start..start + CELL).collect();
             let expected: Vec<_> = (0..VOXELS).filter(|word| cells.contains(word / CELL)).collect();
             assert_eq!(words, expected);
-            assert!(cells.runs().zip(cells.runs().skip(1)).all(|(run, next)| run.end < next.start));
+            assert_eq!(cells.blocks().count(), expected.len().div_ceil(2 * CELL));
             assert_eq!(cells.words_in(&(0..VOXELS)), words.len());
             assert_eq!(
                 cells.words_in(&(5..200)),
@@ -190,8 +187,6 @@ mod tests {
                 };
                 assert_eq!(cells.with_neighbours().contains(cell), near(-1) || near(0) || near(1));
                 assert_eq!(cells.with_next().contains(cell), near(-1) || near(0));
-                assert_eq!(cells.whole_vectors(64).contains(cell), near(0) || cells.contains(cell ^ 1));
-                assert_eq!(cells.whole_vectors(32), cells);
             }
         }
     }

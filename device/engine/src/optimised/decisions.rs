@@ -7,7 +7,7 @@ use super::lanes::composite;
 use super::line::Line;
 use super::omissions::Omissions;
 use super::ranges::{Extremes, ROWS};
-use super::simd::{Simd, SimdExt};
+use super::simd::Simd;
 use super::staging::Staging;
 use super::visible::Seen;
 use crate::render::LeftOut;
@@ -19,8 +19,6 @@ use vg500_regs::BlendMode;
 pub struct Decisions {
     /// The cells of each row of rays of the tile that are worth computing.
     rows: Vec<Cells>,
-    /// Words of a vector.
-    lanes: usize,
     /// The rows that have samples on the slice.
     here: Range<usize>,
     /// The words of samples.
@@ -73,9 +71,8 @@ impl Thrift {
 }
 
 impl Decisions {
-    /// Begins a tile of `rows` rows, computed by vectors of `lanes` words.
-    pub fn begin_tile(&mut self, rows: usize, lanes: usize) {
-        self.lanes = lanes;
+    /// Begins a tile of `rows` rows.
+    pub fn begin_tile(&mut self, rows: usize) {
         self.rows.clear();
         self.rows.resize(rows, Cells::NONE);
         self.here = 0..0;
@@ -88,7 +85,7 @@ impl Decisions {
         self.rows[self.here.clone()].fill(Cells::NONE);
         self.all = Cells::covering(span);
         self.left_out.blocks += u64::from(self.all.count()) * here.len() as u64;
-        self.rows[here.clone()].fill(self.all.whole_vectors(self.lanes));
+        self.rows[here.clone()].fill(self.all);
         (self.here, self.span) = (here, span.clone());
     }
 
@@ -105,10 +102,10 @@ impl Decisions {
         self.rows[self.here.clone()].iter().all(|cells| cells.is_empty())
     }
 
-    /// Keeps some cells of a row, with those that share a vector with them; returns the samples left out.
+    /// Keeps some cells of a row; returns the samples left out.
     #[inline(always)]
     fn keep(&mut self, row: usize, cells: Cells) -> u64 {
-        let kept = self.rows[row].and(cells).whole_vectors(self.lanes);
+        let kept = self.rows[row].and(cells);
         let gone = self.rows[row].without(kept).and(self.all);
         self.rows[row] = kept;
         if gone.is_empty() {
@@ -208,20 +205,16 @@ fn unbeaten<S: Simd>(
     cells: Cells,
 ) -> Cells {
     let rays = accumulators.row(row, first);
-    let mut kept = Cells::NONE;
-    for (cell, &[least, greatest]) in extremes.iter().enumerate() {
-        let range = cell * CELL..cell * CELL + CELL;
-        let this = Cells::covering(&range).and(cells);
-        if this.is_empty() {
-            continue;
-        }
-        let best = if blend == BlendMode::Minimum { least } else { greatest };
-        let best = simd.splat(best.cast_signed());
-        for block in simd.blocks(range) {
-            if simd.any(composite::beats(simd, blend, &rays, block, best)) {
-                kept = kept.or(this);
-            }
+    let best = extremes.map(|[least, greatest]| if blend == BlendMode::Minimum { least } else { greatest });
+    let mut kept = 0;
+    for block in cells.blocks() {
+        let both = block.starts().map(|start| start / CELL);
+        let best = both.map(|cell| best.get(cell).map_or(0, |best| best.cast_signed()));
+        let beaten = simd.bits(composite::beats(simd, blend, &rays, block, simd.halves(best)));
+        for (cell, lanes) in both.into_iter().zip([beaten as u32, (beaten >> 32) as u32]) {
+            kept |= u16::from(lanes != 0) << cell;
         }
     }
-    kept
+    // A half behind the last cell is none.
+    Cells::from_bits(kept as u8)
 }

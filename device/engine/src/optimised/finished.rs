@@ -5,7 +5,7 @@
 
 use super::accumulators::Accumulators;
 use super::cells::{CELL, Cells};
-use super::simd::Simd;
+use super::simd::{LANES, Simd};
 use crate::fixed::FULL;
 use vg500_regs::limit::BASE_PLANE_SIZE;
 
@@ -104,12 +104,11 @@ impl Finished {
         let mut any_more = false;
         for (place, row) in self.rows.iter_mut().enumerate() {
             let mut more = false;
-            for column in (0..self.columns).step_by(S::LANES) {
+            for column in (0..self.columns).step_by(LANES) {
                 let alive = accumulators.less_opaque(simd, place, column, self.limit);
                 let at = MARGIN + column;
                 let (word, shift) = (at / 64, at % 64);
-                let lanes = u64::MAX >> (64 - S::LANES);
-                let finished = !(alive << shift) & lanes << shift;
+                let finished = !(alive << shift) & u64::MAX << shift;
                 more |= finished & !row.rays[word] != 0;
                 row.rays[word] |= finished;
             }

@@ -1,11 +1,10 @@
 //! A row of the volume in the working format of the kernels.
 
-use super::simd::{MOST_LANES, Simd};
-use core::ops::Range;
+use super::simd::{HALF, LANES, Simd};
 use vg500_regs::limit::VOLUME_SIZE;
 
 /// Words before the first and behind the last voxel: a whole vector, so that edges need no case of their own.
-const MARGIN: usize = MOST_LANES;
+const MARGIN: usize = LANES;
 /// Words between the margins.
 pub const VOXELS: usize = VOLUME_SIZE as usize;
 
@@ -14,15 +13,33 @@ pub const VOXELS: usize = VOLUME_SIZE as usize;
 #[repr(C, align(64))]
 pub struct Line([u16; MARGIN + VOXELS + MARGIN]);
 
-/// Where a vector lies in a line: a multiple of its lanes, and wholly inside of the 256 words.
+/// Where the halves of a vector lie in a line: at multiples of their length, and inside of the 256 words or at their
+/// end.
 #[derive(Clone, Copy, Debug)]
-pub struct Block(usize);
+pub struct Block([usize; 2]);
 
 impl Block {
-    /// First word of the vector.
+    /// Halves, by how many lie before each in the line. Where there is no second one, its words lie behind the line's.
     #[inline(always)]
     #[must_use]
-    pub const fn start(self) -> usize {
+    pub const fn of_halves(first: usize, second: Option<usize>) -> Self {
+        let second = match second {
+            Some(second) => second * HALF,
+            None => VOXELS,
+        };
+        Self([first * HALF, if second < VOXELS { second } else { VOXELS }])
+    }
+
+    /// Those next to each other that cover the first `words` of a line.
+    #[inline(always)]
+    pub fn covering(words: usize) -> impl Iterator<Item = Self> {
+        (0..words.min(VOXELS).div_ceil(LANES)).map(|block| Self([block * LANES, block * LANES + HALF]))
+    }
+
+    /// First words of the halves.
+    #[inline(always)]
+    #[must_use]
+    pub const fn starts(self) -> [usize; 2] {
         self.0
     }
 }
@@ -31,40 +48,32 @@ impl Line {
     /// A line of zeros.
     pub const ZERO: Self = Self([0; MARGIN + VOXELS + MARGIN]);
 
-    /// The blocks of `lanes` words that cover the words `range`.
-    #[inline(always)]
-    pub fn blocks(range: Range<usize>, lanes: usize) -> impl ExactSizeIterator<Item = Block> + Clone {
-        let first = range.start / lanes;
-        let end = if range.is_empty() { first } else { range.end.min(VOXELS).div_ceil(lanes) };
-        (first..end).map(move |block| Block(block * lanes))
-    }
-
     /// The words of a block.
     #[inline(always)]
     pub fn load<S: Simd>(&self, simd: S, block: Block) -> S::Words {
-        // SAFETY: a block lies inside of the line.
-        unsafe { simd.load(self.0.as_ptr().add(MARGIN + block.0)) }
+        // SAFETY: there is a margin of two halves behind the words.
+        unsafe { simd.load(block.0.map(|start| self.0.as_ptr().add(MARGIN + start))) }
     }
 
     /// The words one before those of a block.
     #[inline(always)]
     pub fn load_before<S: Simd>(&self, simd: S, block: Block) -> S::Words {
-        // SAFETY: a block lies inside of the line, and there is a margin before it.
-        unsafe { simd.load(self.0.as_ptr().add(MARGIN + block.0 - 1)) }
+        // SAFETY: as above, and there is a margin before the words.
+        unsafe { simd.load(block.0.map(|start| self.0.as_ptr().add(MARGIN + start - 1))) }
     }
 
     /// The words one behind those of a block.
     #[inline(always)]
     pub fn load_behind<S: Simd>(&self, simd: S, block: Block) -> S::Words {
-        // SAFETY: a block lies inside of the line, and there is a margin behind it.
-        unsafe { simd.load(self.0.as_ptr().add(MARGIN + block.0 + 1)) }
+        // SAFETY: there is a margin of two halves behind the words.
+        unsafe { simd.load(block.0.map(|start| self.0.as_ptr().add(MARGIN + start + 1))) }
     }
 
     /// Writes the words of a block.
     #[inline(always)]
     pub fn store<S: Simd>(&mut self, simd: S, block: Block, words: S::Words) {
-        // SAFETY: a block lies inside of the line, which is borrowed for writing.
-        unsafe { simd.store(self.0.as_mut_ptr().add(MARGIN + block.0), words) }
+        // SAFETY: as above; the line is borrowed for writing.
+        unsafe { simd.store(block.0.map(|start| self.0.as_mut_ptr().add(MARGIN + start)), words) }
     }
 
     /// Writes 16 words at a multiple of 16.

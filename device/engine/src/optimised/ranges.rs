@@ -4,8 +4,8 @@
 //! two numbers of 12 bits does not leave them. So the samples of a block lie between its extremes.
 
 use super::cells::{CELL, CELLS};
-use super::line::Line;
-use super::simd::{Simd, SimdExt};
+use super::line::{Block, Line};
+use super::simd::Simd;
 use core::ops::Range;
 
 /// Rows of a block. Lower ones tell apart more and cost more.
@@ -50,7 +50,7 @@ impl Ranges {
 #[inline(always)]
 fn extremes<S: Simd>(simd: S, lines: &[Line], width: usize) -> [Extremes; CELLS] {
     let [mut least, mut greatest] = [Line::ZERO; 2];
-    for block in simd.blocks(0..width) {
+    for block in Block::covering(width) {
         let mut low = lines[0].load(simd, block);
         let mut high = low;
         for line in &lines[1..] {

@@ -84,7 +84,7 @@ pub fn march<S: Simd, Z: Specialisation>(
     let tile = Tile { prepared, rows, margin: i32::from(features.gradient()) };
     let Scratch { staging, accumulators, decisions, finished, rows } = scratch;
     staging.begin(&prepared.volume, tile.staged_rows(), 2 + 2 * tile.margin as usize);
-    tile.begin_decisions::<S>(features, decisions, finished);
+    tile.begin_decisions(features, decisions, finished);
     let shader = Shader::new(simd, specialisation, prepared);
     for slice in &prepared.slices {
         let rays = tile.rays(slice);
@@ -275,13 +275,8 @@ impl Tile<'_> {
     }
 
     /// Nothing is decided yet.
-    fn begin_decisions<S: Simd>(
-        &self,
-        features: Features,
-        decisions: &mut Decisions,
-        finished: &mut Finished,
-    ) {
-        decisions.begin_tile(self.rows.len(), S::LANES);
+    fn begin_decisions(&self, features: Features, decisions: &mut Decisions, finished: &mut Finished) {
+        decisions.begin_tile(self.rows.len());
         if let Some(opacity) = self.prepared.omissions.finished {
             // To look at rays that lie next to each other channel by channel takes as long as some unlit samples.
             let interval = if features.layout() == Layout::Rays { 8 } else { 2 };

@@ -1,7 +1,7 @@
 //! Where the voxels of a frame lie, and how a row of them is read.
 
-use super::line::Line;
-use super::simd::{MOST_LANES, Simd};
+use super::line::{Block, Line};
+use super::simd::{LANES, Simd};
 use crate::frame::FrameDescription;
 use core::ops::Range;
 use vg500_regs::limit::VOLUME_SIZE;
@@ -119,7 +119,7 @@ impl<'a> Volume<'a> {
     fn load_row<S: Simd>(&self, simd: S, y: usize, z: usize, line: &mut Line) {
         let bytes = self.format.bytes();
         let start = self.offset([0, y, z]);
-        let length = self.size[0].next_multiple_of(MOST_LANES) * bytes;
+        let length = self.size[0].next_multiple_of(LANES) * bytes;
         match self.place(start, length) {
             Some(place) => self.load_from(simd, place, line),
             None => self.load_last_row(simd, start, line),
@@ -141,9 +141,9 @@ impl<'a> Volume<'a> {
     #[inline(always)]
     fn load_from<S: Simd>(&self, simd: S, from: *const u8, line: &mut Line) {
         let bytes = self.format.bytes();
-        for block in Line::blocks(0..self.size[0], S::LANES) {
+        for block in Block::covering(self.size[0]) {
             // SAFETY: the caller has checked the row's length rounded up to the most lanes there are.
-            let voxels = unsafe { simd.load_voxels(self.format, from.add(block.start() * bytes)) };
+            let voxels = unsafe { simd.load_voxels(self.format, from.add(block.starts()[0] * bytes)) };
             line.store(simd, block, voxels);
         }
         // The next slice's row: it is read when this slice is done.

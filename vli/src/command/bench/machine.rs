@@ -5,7 +5,7 @@ use std::sync::Barrier;
 use std::thread;
 use std::time::{Duration, Instant};
 use vg500_engine::Level;
-use vg500_engine::optimised::simd::{MOST_LANES, Simd, Work};
+use vg500_engine::optimised::simd::{HALF, LANES, Simd, Work};
 
 /// Rounds of each measurement, of which the fastest counts.
 const ROUNDS: usize = 40;
@@ -176,16 +176,16 @@ fn look_ups() -> impl FnMut() -> usize {
     }
 }
 
-/// As many words as in any vector.
+/// As many words as in a vector.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-struct Block([u16; MOST_LANES]);
+struct Block([u16; LANES]);
 
 /// Bytes per second that threads read of a working set.
 fn bandwidth(level: Level, threads: usize, set: WorkingSet) -> f64 {
     let bytes = set.bytes(threads) / threads;
     together(&rates(threads, move || {
-        let blocks = vec![Block([1; MOST_LANES]); bytes.div_ceil(size_of::<Block>()).max(1)];
+        let blocks = vec![Block([1; LANES]); bytes.div_ceil(size_of::<Block>()).max(1)];
         let bytes = size_of_val(&*blocks);
         let passes = PORTION.div_ceil(bytes);
         move || {
@@ -201,21 +201,21 @@ fn bandwidth(level: Level, threads: usize, set: WorkingSet) -> f64 {
 struct Read<'a>(&'a [Block]);
 
 impl Work for Read<'_> {
-    type Output = [u16; MOST_LANES];
+    type Output = [[u16; HALF]; 2];
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> [u16; MOST_LANES] {
+    fn run<S: Simd>(self, simd: S) -> [[u16; HALF]; 2] {
         let mut sums = simd.splat(0);
         for block in self.0 {
-            for words in block.0.chunks_exact(S::LANES) {
-                // SAFETY: as many words as in a vector.
-                sums = simd.add(sums, unsafe { simd.load(words.as_ptr()) });
-            }
+            let words = block.0.as_ptr();
+            // SAFETY: as many words as in a vector.
+            sums = simd.add(sums, unsafe { simd.load([words, words.add(HALF)]) });
         }
-        let mut words = [0; MOST_LANES];
-        // SAFETY: as many words as in any vector.
-        unsafe { simd.store(words.as_mut_ptr(), sums) };
-        words
+        let mut halves = [[0; HALF]; 2];
+        let [first, second] = &mut halves;
+        // SAFETY: as many words as in a vector.
+        unsafe { simd.store([first.as_mut_ptr(), second.as_mut_ptr()], sums) };
+        halves
     }
 }
 

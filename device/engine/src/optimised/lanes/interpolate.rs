@@ -47,19 +47,17 @@ pub fn along_z_and_y<'a, S: Simd>(
         return rows[0][0];
     }
     let [z, y] = each!([0, 1], |axis| weight(simd, weights.z_and_y[axis]));
-    for run in cells.runs() {
-        if needed[0] {
-            for block in simd.blocks(run) {
-                let [above, below] = each!([0, 1], |row| {
-                    simd.lerp(rows[0][row].load(simd, block), rows[1][row].load(simd, block), z)
-                });
-                line.store(simd, block, simd.lerp(above, below, y));
-            }
-        } else {
-            for block in simd.blocks(run) {
-                let [above, below] = [rows[0][0].load(simd, block), rows[0][1].load(simd, block)];
-                line.store(simd, block, simd.lerp(above, below, y));
-            }
+    if needed[0] {
+        for block in cells.blocks() {
+            let [above, below] = each!([0, 1], |row| {
+                simd.lerp(rows[0][row].load(simd, block), rows[1][row].load(simd, block), z)
+            });
+            line.store(simd, block, simd.lerp(above, below, y));
+        }
+    } else {
+        for block in cells.blocks() {
+            let [above, below] = [rows[0][0].load(simd, block), rows[0][1].load(simd, block)];
+            line.store(simd, block, simd.lerp(above, below, y));
         }
     }
     line.replicate_ends(voxels);
@@ -79,25 +77,22 @@ pub fn differences_along_z_and_y<S: Simd>(
 ) {
     let needed = weights.needed();
     let [z, y] = each!([0, 1], |axis| weight(simd, weights.z_and_y[axis]));
-    for run in cells.runs() {
-        if needed[0] {
-            for block in simd.blocks(run) {
-                let [above, below] = each!([0, 1], |row| {
-                    let here = difference(simd, before[0][row], behind[0][row], block);
-                    simd.lerp(here, difference(simd, before[1][row], behind[1][row], block), z)
-                });
-                line.store(simd, block, simd.lerp(above, below, y));
-            }
-        } else if needed[1] {
-            for block in simd.blocks(run) {
-                let [above, below] =
-                    each!([0, 1], |row| difference(simd, before[0][row], behind[0][row], block));
-                line.store(simd, block, simd.lerp(above, below, y));
-            }
-        } else {
-            for block in simd.blocks(run) {
-                line.store(simd, block, difference(simd, before[0][0], behind[0][0], block));
-            }
+    if needed[0] {
+        for block in cells.blocks() {
+            let [above, below] = each!([0, 1], |row| {
+                let here = difference(simd, before[0][row], behind[0][row], block);
+                simd.lerp(here, difference(simd, before[1][row], behind[1][row], block), z)
+            });
+            line.store(simd, block, simd.lerp(above, below, y));
+        }
+    } else if needed[1] {
+        for block in cells.blocks() {
+            let [above, below] = each!([0, 1], |row| difference(simd, before[0][row], behind[0][row], block));
+            line.store(simd, block, simd.lerp(above, below, y));
+        }
+    } else {
+        for block in cells.blocks() {
+            line.store(simd, block, difference(simd, before[0][0], behind[0][0], block));
         }
     }
 }
@@ -132,15 +127,13 @@ pub fn samples<S: Simd>(
     samples: &mut Line,
 ) {
     let x = weight(simd, x_weight);
-    for run in cells.runs() {
-        if x_weight == 0 && leave_out {
-            for block in simd.blocks(run) {
-                samples.store(simd, block, unguard(simd, line.load(simd, block)));
-            }
-        } else {
-            for block in simd.blocks(run) {
-                samples.store(simd, block, unguard(simd, along_x(simd, line, block, x)));
-            }
+    if x_weight == 0 && leave_out {
+        for block in cells.blocks() {
+            samples.store(simd, block, unguard(simd, line.load(simd, block)));
+        }
+    } else {
+        for block in cells.blocks() {
+            samples.store(simd, block, unguard(simd, along_x(simd, line, block, x)));
         }
     }
     // The neighbours of the outermost samples lie between replicated voxels.

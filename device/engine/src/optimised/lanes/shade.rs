@@ -8,9 +8,9 @@ use super::{composite, composite::product};
 use crate::optimised::accumulators::{ALPHA, Accumulators, RayRow, Row, SumRow, no_extreme};
 use crate::optimised::cells::Cells;
 use crate::optimised::features::{Features, Specialisation};
-use crate::optimised::line::{Block, Line};
+use crate::optimised::line::{Block, Line, VOXELS};
 use crate::optimised::prepared::Prepared;
-use crate::optimised::simd::{Simd, SimdExt, each};
+use crate::optimised::simd::{HALF, Simd, SimdExt, each};
 use crate::optimised::tables::Classification;
 use core::ops::Range;
 use vg500_regs::BlendMode;
@@ -55,13 +55,6 @@ impl SampleRow<'_> {
     const fn interpolated(&self) -> bool {
         let (weight, leave_out) = self.x_weight;
         weight != 0 || !leave_out
-    }
-
-    /// The words of cells next to each other that have samples.
-    #[inline(always)]
-    fn runs(&self) -> impl Iterator<Item = Range<usize>> {
-        let Range { start, end } = self.span.clone();
-        self.cells.runs().map(move |run| run.start.max(start)..run.end.min(end))
     }
 }
 
@@ -121,13 +114,11 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
     fn blend_premultiplied(&self, row: &SampleRow<'_>, rays: &mut RayRow<'_>) {
         let simd = self.simd;
         let sampling = Sampling::new(simd, row, false);
-        for run in row.runs() {
-            for block in simd.blocks(run) {
-                let values = sampling.values(simd, block);
-                let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
-                // SAFETY: samples are within their voxels, of 12 bits, or TRANSPARENT.
-                unsafe { rays.blend(simd, block, self.table, seen) };
-            }
+        for block in row.cells.blocks() {
+            let values = sampling.values(simd, block);
+            let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
+            // SAFETY: samples are within their voxels, of 12 bits, or TRANSPARENT.
+            unsafe { rays.blend(simd, block, self.table, seen) };
         }
     }
 
@@ -138,38 +129,37 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
         let mut transparent = 0;
         let features = self.features();
         let sampling = Sampling::new(simd, row, features.gradient());
-        for run in row.runs() {
-            for block in simd.blocks(run) {
-                let values = sampling.values(simd, block);
-                let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
-                // SAFETY: samples are within their voxels, of 12 bits, or TRANSPARENT.
-                let classify = || unsafe { simd.classify(self.table, seen) };
-                let mut entries = None;
-                if self.leave_out_transparent {
-                    let found = classify();
-                    if !simd.any(simd.greater(found[ALPHA], simd.splat(0))) {
-                        transparent += S::LANES as u64;
-                        continue;
-                    }
-                    entries = Some(found);
+        for block in row.cells.blocks() {
+            let values = sampling.values(simd, block);
+            let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
+            // SAFETY: samples are within their voxels, of 12 bits, or TRANSPARENT.
+            let classify = || unsafe { simd.classify(self.table, seen) };
+            let mut entries = None;
+            if self.leave_out_transparent {
+                let found = classify();
+                if !simd.any(simd.greater(found[ALPHA], simd.splat(0))) {
+                    transparent += block.starts().into_iter().filter(|start| *start < VOXELS).count() as u64
+                        * HALF as u64;
+                    continue;
                 }
-                let light = self.light(features, row, block, sampling.x_weight);
-                // Look-ups in memory wait for nothing: behind long chains of operations they fill gaps.
-                let [r, g, b, alpha] = entries.unwrap_or_else(classify);
-                let (color, mut alpha) = self.material.shade(simd, features, [r, g, b], alpha, &light);
-                if features.cut {
-                    // (alpha factor + 128) >> 8
-                    let factor = simd.shift_left::<4>(sampling.factors(simd, block));
-                    alpha = simd.multiply_round(simd.shift_left::<3>(alpha), factor);
-                }
-                let [r, g, b] = color;
-                let color = if features.grey {
-                    [product(simd, r, alpha); 3]
-                } else {
-                    each!([r, g, b], |channel| product(simd, channel, alpha))
-                };
-                composite::alpha(simd, rays, block, (color, if features.grey { 1 } else { 3 }), alpha);
+                entries = Some(found);
             }
+            let light = self.light(features, row, block, sampling.x_weight);
+            // Look-ups in memory wait for nothing: behind long chains of operations they fill gaps.
+            let [r, g, b, alpha] = entries.unwrap_or_else(classify);
+            let (color, mut alpha) = self.material.shade(simd, features, [r, g, b], alpha, &light);
+            if features.cut {
+                // (alpha factor + 128) >> 8
+                let factor = simd.shift_left::<4>(sampling.factors(simd, block));
+                alpha = simd.multiply_round(simd.shift_left::<3>(alpha), factor);
+            }
+            let [r, g, b] = color;
+            let color = if features.grey {
+                [product(simd, r, alpha); 3]
+            } else {
+                each!([r, g, b], |channel| product(simd, channel, alpha))
+            };
+            composite::alpha(simd, rays, block, (color, if features.grey { 1 } else { 3 }), alpha);
         }
         transparent
     }
@@ -181,23 +171,21 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
         let features = self.features();
         let sampling = Sampling::new(simd, row, features.gradient());
         let transparent = simd.splat(Classification::TRANSPARENT as i16);
-        for run in row.runs() {
-            for block in simd.blocks(run) {
-                let values = sampling.values(simd, block);
-                let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
-                let visible = simd.greater(transparent, seen);
-                // SAFETY: as in `blend_alpha`.
-                let [r, g, b, alpha] = unsafe { simd.classify(self.table, seen) };
-                if features.premultiplied {
-                    composite::sum(simd, rays, block, [r, g, b], alpha, visible);
-                    continue;
-                }
-                let light = self.light(features, row, block, sampling.x_weight);
-                let (color, alpha) = self.material.shade(simd, features, [r, g, b], alpha, &light);
-                let [r, g, b] = color;
-                let color = each!([r, g, b], |channel| product(simd, channel, alpha));
-                composite::sum(simd, rays, block, color, alpha, visible);
+        for block in row.cells.blocks() {
+            let values = sampling.values(simd, block);
+            let seen = sampling.seen(simd, block, values, Classification::TRANSPARENT as i16);
+            let visible = simd.greater(transparent, seen);
+            // SAFETY: as in `blend_alpha`.
+            let [r, g, b, alpha] = unsafe { simd.classify(self.table, seen) };
+            if features.premultiplied {
+                composite::sum(simd, rays, block, [r, g, b], alpha, visible);
+                continue;
             }
+            let light = self.light(features, row, block, sampling.x_weight);
+            let (color, alpha) = self.material.shade(simd, features, [r, g, b], alpha, &light);
+            let [r, g, b] = color;
+            let color = each!([r, g, b], |channel| product(simd, channel, alpha));
+            composite::sum(simd, rays, block, color, alpha, visible);
         }
     }
 
@@ -208,18 +196,16 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
         let features = self.features();
         let sampling = Sampling::new(simd, row, features.gradient());
         let nothing = no_extreme(features.blend);
-        for run in row.runs() {
-            for block in simd.blocks(run) {
-                let values = sampling.values(simd, block);
-                let seen = sampling.seen(simd, block, values, nothing);
-                let beats = composite::beats(simd, features.blend, rays, block, seen);
-                if simd.any(beats) {
-                    // SAFETY: as in `blend_alpha`.
-                    let [r, g, b, alpha] = unsafe { simd.classify(self.table, values) };
-                    let light = self.light(features, row, block, sampling.x_weight);
-                    let (color, alpha) = self.material.shade(simd, features, [r, g, b], alpha, &light);
-                    composite::replace(simd, rays, block, beats, color, alpha, values);
-                }
+        for block in row.cells.blocks() {
+            let values = sampling.values(simd, block);
+            let seen = sampling.seen(simd, block, values, nothing);
+            let beats = composite::beats(simd, features.blend, rays, block, seen);
+            if simd.any(beats) {
+                // SAFETY: as in `blend_alpha`.
+                let [r, g, b, alpha] = unsafe { simd.classify(self.table, values) };
+                let light = self.light(features, row, block, sampling.x_weight);
+                let (color, alpha) = self.material.shade(simd, features, [r, g, b], alpha, &light);
+                composite::replace(simd, rays, block, beats, color, alpha, values);
             }
         }
     }
@@ -290,7 +276,8 @@ impl<'a, S: Simd> Sampling<'a, S> {
     fn seen(&self, simd: S, block: Block, values: S::Words, hidden: i16) -> S::Words {
         let mut seen = values;
         let span = self.row.span;
-        if block.start() < span.start || block.start() + S::LANES > span.end {
+        let whole = |start: usize| span.start <= start && start + HALF <= span.end;
+        if !block.starts().into_iter().all(whole) {
             seen = simd.select(inside(simd, block, span), seen, simd.splat(hidden));
         }
         if let Some(line) = self.row.factors {
@@ -304,7 +291,8 @@ impl<'a, S: Simd> Sampling<'a, S> {
 /// The lanes of a block that lie in a span.
 #[inline(always)]
 fn inside<S: Simd>(simd: S, block: Block, span: &Range<usize>) -> S::Mask {
-    let place = simd.add(simd.count(), simd.splat(block.start() as i16));
+    let [first, second] = block.starts().map(|start| start as i16);
+    let place = simd.add(simd.count(), simd.halves([first, second - HALF as i16]));
     let [before, end] = [simd.splat(span.start as i16 - 1), simd.splat(span.end as i16)];
     simd.both(simd.greater(place, before), simd.greater(end, place))
 }
@@ -329,23 +317,10 @@ fn keep_values_of<S: Simd, const LEAST: bool, const LERP: bool>(
     let blend = if LEAST { BlendMode::Minimum } else { BlendMode::Maximum };
     let x_weight = weight(simd, row.x_weight.0);
     let sampling = Sampling::new(simd, row, false);
-    for run in row.runs() {
-        // Vectors of samples that are all seen, between those at the ends.
-        let start = run.start.next_multiple_of(S::LANES);
-        let end = run.end / S::LANES * S::LANES;
-        let whole = if start < end && row.factors.is_none() { start..end } else { run.end..run.end };
-        for block in simd.blocks(whole.clone()) {
-            let line = row.line.load(simd, block);
-            let value =
-                if LERP { simd.lerp(line, row.line.load_behind(simd, block), x_weight) } else { line };
-            composite::extreme(simd, blend, rays, block, unguard(simd, value));
-        }
-        for rest in [run.start..whole.start, whole.end..run.end] {
-            for block in simd.blocks(rest) {
-                let values = sampling.values(simd, block);
-                let seen = sampling.seen(simd, block, values, no_extreme(blend));
-                composite::extreme(simd, blend, rays, block, seen);
-            }
-        }
+    for block in row.cells.blocks() {
+        let line = row.line.load(simd, block);
+        let value = if LERP { simd.lerp(line, row.line.load_behind(simd, block), x_weight) } else { line };
+        let seen = sampling.seen(simd, block, unguard(simd, value), no_extreme(blend));
+        composite::extreme(simd, blend, rays, block, seen);
     }
 }

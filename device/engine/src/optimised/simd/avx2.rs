@@ -1,7 +1,7 @@
 //! 64 lanes with AVX2, in four registers: operations on one do not wait for those on the others. There are no byte
 //! permutations over whole tables, so tables are looked up word by word.
 
-use super::{DARK, Simd, Work, each, opaque, small_numbers_are_words};
+use super::{DARK, HALF, Simd, Work, each, opaque, small_numbers_are_words};
 use crate::fixed::FULL;
 use crate::optimised::tables::{Classification, ReflectanceMap};
 use crate::stage::reflectance::HALF_FACE;
@@ -88,7 +88,6 @@ unsafe fn load_16_voxels(format: VoxelFormat, from: *const u8) -> __m256i {
 }
 
 impl Simd for Avx2 {
-    const LANES: usize = 64;
     type Words = Words;
     type Constant = __m256i;
     type Mask = Words;
@@ -123,17 +122,24 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    unsafe fn load(self, from: *const u16) -> Words {
-        // SAFETY: the caller's promise.
-        unsafe { each!([0, 16, 32, 48], |lane| _mm256_loadu_si256(from.add(lane).cast())) }
+    fn halves(self, [a, b]: [i16; 2]) -> Words {
+        each!([a, a, b, b], |value| avx2!(_mm256_set1_epi16(value)))
     }
 
     #[inline(always)]
-    unsafe fn store(self, to: *mut u16, words: Words) {
+    unsafe fn load(self, [a, b]: [*const u16; 2]) -> Words {
         // SAFETY: the caller's promise.
-        unsafe {
-            for (register, words) in words.into_iter().enumerate() {
-                _mm256_storeu_si256(to.add(16 * register).cast(), words);
+        unsafe { each!([a, a.add(16), b, b.add(16)], |from| _mm256_loadu_si256(from.cast())) }
+    }
+
+    #[inline(always)]
+    unsafe fn store(self, to: [*mut u16; 2], words: Words) {
+        let halves = words.as_chunks::<2>().0;
+        for (to, [first, second]) in to.into_iter().zip(halves) {
+            // SAFETY: the caller's promise.
+            unsafe {
+                _mm256_storeu_si256(to.cast(), *first);
+                _mm256_storeu_si256(to.add(16).cast(), *second);
             }
         }
     }
@@ -145,15 +151,17 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    unsafe fn add_to_sums(self, sums: *mut u32, words: Words) {
-        // SAFETY: the caller's promise.
-        unsafe {
-            let halves =
-                words.map(|words| [_mm256_castsi256_si128(words), _mm256_extracti128_si256::<1>(words)]);
-            for (eight, words) in halves.into_iter().flatten().enumerate() {
-                let place = sums.add(8 * eight).cast();
-                let sum = _mm256_add_epi32(_mm256_loadu_si256(place), _mm256_cvtepu16_epi32(words));
-                _mm256_storeu_si256(place, sum);
+    unsafe fn add_to_sums(self, sums: [*mut u32; 2], words: Words) {
+        for (register, words) in words.into_iter().enumerate() {
+            // SAFETY: the caller's promise.
+            unsafe {
+                let sums = sums[register / 2].add(16 * (register % 2));
+                let halves = [_mm256_castsi256_si128(words), _mm256_extracti128_si256::<1>(words)];
+                for (half, words) in halves.into_iter().enumerate() {
+                    let place = sums.add(8 * half).cast();
+                    let sum = _mm256_add_epi32(_mm256_loadu_si256(place), _mm256_cvtepu16_epi32(words));
+                    _mm256_storeu_si256(place, sum);
+                }
             }
         }
     }
@@ -318,10 +326,13 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    unsafe fn blend_entries(self, table: &Classification, values: Words, rays: *mut u16) {
+    unsafe fn blend_entries(self, table: &Classification, values: Words, rays: [*mut u16; 2]) {
         for (register, values) in values.into_iter().enumerate() {
             // SAFETY: the caller's promise.
-            unsafe { blend_entries(table.entries(), values, rays.add(4 * 16 * register)) };
+            unsafe {
+                let rays = rays[register / 2].add(4 * 16 * (register % 2));
+                blend_entries(table.entries(), values, rays);
+            }
         }
     }
 
@@ -369,7 +380,7 @@ impl Simd for Avx2 {
             }
         }
         // SAFETY: the array is as long as a vector.
-        unsafe { self.load(found.as_ptr()) }
+        unsafe { self.load([found.as_ptr(), found.as_ptr().add(HALF)]) }
     }
 
     #[inline(always)]

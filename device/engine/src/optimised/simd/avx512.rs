@@ -211,7 +211,6 @@ impl Vertices {
 }
 
 impl Simd for Avx512 {
-    const LANES: usize = 64;
     type Words = Words;
     type Constant = __m512i;
     type Mask = [__mmask32; 2];
@@ -250,17 +249,22 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn load(self, from: *const u16) -> Words {
-        // SAFETY: the caller's promise.
-        unsafe { each!([0, 32], |lane| _mm512_loadu_si512(from.add(lane).cast())) }
+    fn halves(self, [a, b]: [i16; 2]) -> Words {
+        avx512!([_mm512_set1_epi16(a), _mm512_set1_epi16(b)])
     }
 
     #[inline(always)]
-    unsafe fn store(self, to: *mut u16, words: Words) {
+    unsafe fn load(self, from: [*const u16; 2]) -> Words {
+        // SAFETY: the caller's promise.
+        unsafe { each!([from[0], from[1]], |from| _mm512_loadu_si512(from.cast())) }
+    }
+
+    #[inline(always)]
+    unsafe fn store(self, to: [*mut u16; 2], words: Words) {
         // SAFETY: the caller's promise.
         unsafe {
-            _mm512_storeu_si512(to.cast(), words[0]);
-            _mm512_storeu_si512(to.add(32).cast(), words[1]);
+            _mm512_storeu_si512(to[0].cast(), words[0]);
+            _mm512_storeu_si512(to[1].cast(), words[1]);
         }
     }
 
@@ -287,17 +291,16 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn add_to_sums(self, sums: *mut u32, words: Words) {
-        // SAFETY: the caller's promise.
-        unsafe {
-            let [a, b] = each!([words[0], words[1]], |words| [
-                _mm512_castsi512_si256(words),
-                _mm512_extracti64x4_epi64::<1>(words)
-            ]);
-            for (quarter, words) in [a, b].into_iter().flatten().enumerate() {
-                let place = sums.add(16 * quarter).cast();
-                let sum = _mm512_add_epi32(_mm512_loadu_si512(place), _mm512_cvtepu16_epi32(words));
-                _mm512_storeu_si512(place.cast(), sum);
+    unsafe fn add_to_sums(self, sums: [*mut u32; 2], words: Words) {
+        for (sums, words) in sums.into_iter().zip(words) {
+            // SAFETY: the caller's promise.
+            unsafe {
+                let halves = [_mm512_castsi512_si256(words), _mm512_extracti64x4_epi64::<1>(words)];
+                for (half, words) in halves.into_iter().enumerate() {
+                    let place = sums.add(16 * half).cast();
+                    let sum = _mm512_add_epi32(_mm512_loadu_si512(place), _mm512_cvtepu16_epi32(words));
+                    _mm512_storeu_si512(place.cast(), sum);
+                }
             }
         }
     }
@@ -514,11 +517,11 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn blend_entries(self, table: &Classification, values: Words, rays: *mut u16) {
+    unsafe fn blend_entries(self, table: &Classification, values: Words, rays: [*mut u16; 2]) {
         // SAFETY: the caller's promise.
         unsafe {
-            blend_entries(table.entries(), values[0], rays);
-            blend_entries(table.entries(), values[1], rays.add(4 * 32));
+            blend_entries(table.entries(), values[0], rays[0]);
+            blend_entries(table.entries(), values[1], rays[1]);
         }
     }
 

@@ -15,7 +15,6 @@ mod tests;
 pub use level::{Level, LevelError};
 pub use portable::Portable;
 
-use super::line::Line;
 use super::tables::{Classification, ReflectanceMap};
 use vg500_regs::VoxelFormat;
 
@@ -94,8 +93,10 @@ macro_rules! small_numbers_are_words {
 }
 use small_numbers_are_words;
 
-/// The most lanes of any implementation; each divides it.
-pub const MOST_LANES: usize = 64;
+/// Lanes of a vector: two halves, which need not lie next to each other in memory.
+pub const LANES: usize = 64;
+/// Lanes of half a vector.
+pub const HALF: usize = LANES / 2;
 
 /// The face behind those of a reflectance map.
 pub const DARK: i8 = 6;
@@ -114,8 +115,6 @@ pub trait Work {
 ///
 /// Everything is `#[inline(always)]`: kernels become straight code of the level's instructions.
 pub trait Simd: Copy + Send + Sync + 'static {
-    /// Lanes of a vector: a power of two, at most [`MOST_LANES`].
-    const LANES: usize;
     /// A vector.
     type Words: Copy + core::fmt::Debug;
     /// The same word for each lane.
@@ -145,31 +144,33 @@ pub trait Simd: Copy + Send + Sync + 'static {
     }
     /// 0, 1, 2, ...
     fn count(self) -> Self::Words;
-    /// Reads a vector.
+    /// A value for each lane of a half.
+    fn halves(self, values: [i16; 2]) -> Self::Words;
+    /// Reads the halves of a vector.
     ///
     /// # Safety
     ///
-    /// As many words as there are lanes can be read at `from`, and nobody writes them meanwhile.
-    unsafe fn load(self, from: *const u16) -> Self::Words;
-    /// Writes a vector.
+    /// [`HALF`] words can be read at each place, and nobody writes them meanwhile.
+    unsafe fn load(self, from: [*const u16; 2]) -> Self::Words;
+    /// Writes the halves of a vector, the second one last.
     ///
     /// # Safety
     ///
-    /// As many words as there are lanes can be written at `to`, and nobody else uses them meanwhile.
-    unsafe fn store(self, to: *mut u16, words: Self::Words);
-    /// Reads as many voxels as there are lanes, with the three guard bits of interpolation.
+    /// [`HALF`] words can be written at each place, and nobody else uses them meanwhile.
+    unsafe fn store(self, to: [*mut u16; 2], words: Self::Words);
+    /// Reads as many voxels next to each other as there are lanes, with the three guard bits of interpolation.
     ///
     /// # Safety
     ///
     /// They can be read at `from`. Others may write there meanwhile: what is read then is any 12-bit value.
     unsafe fn load_voxels(self, format: VoxelFormat, from: *const u8) -> Self::Words;
 
-    /// Adds each lane to one of as many 32-bit sums.
+    /// Adds each lane to one of as many 32-bit sums, half by half.
     ///
     /// # Safety
     ///
     /// The sums can be read and written, and nobody else uses them meanwhile.
-    unsafe fn add_to_sums(self, sums: *mut u32, words: Self::Words);
+    unsafe fn add_to_sums(self, sums: [*mut u32; 2], words: Self::Words);
     /// Asks for the cache line at an address, which need not be one of anything.
     fn prefetch(self, address: *const u8);
 
@@ -262,9 +263,9 @@ pub trait Simd: Copy + Send + Sync + 'static {
     ///
     /// # Safety
     ///
-    /// No lane is greater than [`Classification::TRANSPARENT`]; four words for each lane can be read and written at
-    /// `rays`, and nobody else uses them meanwhile.
-    unsafe fn blend_entries(self, table: &Classification, values: Self::Words, rays: *mut u16);
+    /// No lane is greater than [`Classification::TRANSPARENT`]; four words for each lane of a half can be read and
+    /// written at each place of `rays`, and nobody else uses them meanwhile.
+    unsafe fn blend_entries(self, table: &Classification, values: Self::Words, rays: [*mut u16; 2]);
 
     /// Prepares a map.
     fn map(self, map: &ReflectanceMap) -> Self::Map;
@@ -300,22 +301,13 @@ pub trait Simd: Copy + Send + Sync + 'static {
     unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 16];
 }
 
-/// Reads and writes of lines and of accumulator rows, for any level.
+/// What is made of a level's operations.
 pub trait SimdExt: Simd {
     /// `a + (b - a) w`, rounded half up; the weight has 8 fraction bits and is given times 2^7
     /// ([`crate::stage::interpolate::lerp`]).
     #[inline(always)]
     fn lerp(self, a: Self::Words, b: Self::Words, weight: Self::Words) -> Self::Words {
         self.add(a, self.multiply_round(self.subtract(b, a), weight))
-    }
-
-    /// All vectors of a line that cover the words `range`.
-    #[inline(always)]
-    fn blocks(
-        self,
-        range: core::ops::Range<usize>,
-    ) -> impl ExactSizeIterator<Item = super::line::Block> + Clone {
-        Line::blocks(range, Self::LANES)
     }
 }
 

@@ -1,6 +1,6 @@
-//! 16 lanes in portable Rust.
+//! 64 lanes in portable Rust.
 
-use super::{DARK, Simd, Work, small_numbers_are_words};
+use super::{DARK, HALF, LANES, Simd, Work, small_numbers_are_words};
 use crate::fixed::{FULL, product, unity};
 use crate::optimised::reciprocal::GRADIENT;
 use crate::optimised::tables::{Classification, ReflectanceMap};
@@ -12,7 +12,6 @@ use vg500_regs::VoxelFormat;
 #[derive(Clone, Copy, Debug)]
 pub struct Portable;
 
-const LANES: usize = 16;
 type Words = [u16; LANES];
 
 #[inline(always)]
@@ -31,7 +30,6 @@ fn signed(a: Words, b: Words, operation: impl Fn(i32, i32) -> i32) -> Words {
 }
 
 impl Simd for Portable {
-    const LANES: usize = LANES;
     type Words = Words;
     type Constant = u16;
     type Mask = [bool; LANES];
@@ -61,37 +59,39 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    unsafe fn load(self, from: *const u16) -> Words {
-        // SAFETY: the caller's promise.
-        unsafe { from.cast::<Words>().read_unaligned() }
+    fn halves(self, [a, b]: [i16; 2]) -> Words {
+        from_fn(|lane| if lane < HALF { a.cast_unsigned() } else { b.cast_unsigned() })
     }
 
     #[inline(always)]
-    unsafe fn store(self, to: *mut u16, words: Words) {
-        // SAFETY: the caller's promise.
-        unsafe { to.cast::<Words>().write_unaligned(words) }
+    unsafe fn load(self, from: [*const u16; 2]) -> Words {
+        let mut words = [0; LANES];
+        for (half, from) in words.as_chunks_mut::<HALF>().0.iter_mut().zip(from) {
+            // SAFETY: the caller's promise.
+            *half = unsafe { from.cast::<[u16; HALF]>().read_unaligned() };
+        }
+        words
+    }
+
+    #[inline(always)]
+    unsafe fn store(self, to: [*mut u16; 2], words: Words) {
+        for (half, to) in words.as_chunks::<HALF>().0.iter().zip(to) {
+            // SAFETY: the caller's promise.
+            unsafe { to.cast::<[u16; HALF]>().write_unaligned(*half) };
+        }
     }
 
     #[inline(always)]
     unsafe fn load_voxels(self, format: VoxelFormat, from: *const u8) -> Words {
-        from_fn(|voxel| {
-            // SAFETY: the caller's promise, and others may write; bytes are always valid.
-            let byte = |at: usize| u16::from(unsafe { from.add(at).read_volatile() });
-            let stored = match format {
-                VoxelFormat::Uint8 => byte(voxel),
-                VoxelFormat::Uint12Lower | VoxelFormat::Uint12Upper => {
-                    byte(2 * voxel) | byte(2 * voxel + 1) << 8
-                }
-            };
-            crate::stage::interpolate::guard(format.value(stored)) as u16
-        })
+        // SAFETY: the caller's promise.
+        from_fn(|voxel| unsafe { load_voxel(format, from.add(voxel * format.bytes())) })
     }
 
     #[inline(always)]
-    unsafe fn add_to_sums(self, sums: *mut u32, words: Words) {
+    unsafe fn add_to_sums(self, sums: [*mut u32; 2], words: Words) {
         for (lane, word) in words.into_iter().enumerate() {
             // SAFETY: the caller's promise.
-            unsafe { *sums.add(lane) += u32::from(word) }
+            unsafe { *sums[lane / HALF].add(lane % HALF) += u32::from(word) }
         }
     }
 
@@ -241,11 +241,14 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    unsafe fn blend_entries(self, table: &Classification, values: Words, rays: *mut u16) {
+    unsafe fn blend_entries(self, table: &Classification, values: Words, rays: [*mut u16; 2]) {
         for (lane, value) in values.into_iter().enumerate() {
             // SAFETY: the caller's promise.
             let (entry, ray) = unsafe {
-                (*table.entries().add(usize::from(value)), &mut *rays.add(4 * lane).cast::<[u16; 4]>())
+                (
+                    *table.entries().add(usize::from(value)),
+                    &mut *rays[lane / HALF].add(4 * (lane % HALF)).cast::<[u16; 4]>(),
+                )
             };
             let transparency = FULL - ray[3];
             for (channel, accumulated) in ray.iter_mut().enumerate() {
@@ -286,8 +289,25 @@ impl Simd for Portable {
     #[inline(always)]
     unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 16] {
         // SAFETY: the caller's promise.
-        let rows: [Words; 16] =
-            from_fn(|row| unsafe { self.load_voxels(format, from.offset(row.cast_signed() * pitch)) });
-        from_fn(|row| from_fn(|column| rows[column][row]))
+        let voxel = |row: usize, column: usize| unsafe {
+            load_voxel(format, from.offset(row.cast_signed() * pitch).add(column * format.bytes()))
+        };
+        from_fn(|row| from_fn(|column| voxel(column, row)))
     }
+}
+
+/// A voxel, as it enters interpolation.
+///
+/// # Safety
+///
+/// It can be read there.
+#[inline(always)]
+unsafe fn load_voxel(format: VoxelFormat, from: *const u8) -> u16 {
+    // SAFETY: the caller's promise, and others may write; bytes are always valid.
+    let byte = |at: usize| u16::from(unsafe { from.add(at).read_volatile() });
+    let stored = match format {
+        VoxelFormat::Uint8 => byte(0),
+        VoxelFormat::Uint12Lower | VoxelFormat::Uint12Upper => byte(0) | byte(1) << 8,
+    };
+    crate::stage::interpolate::guard(format.value(stored)) as u16
 }

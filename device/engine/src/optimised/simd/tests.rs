@@ -3,7 +3,7 @@
 mod look_ups;
 mod memory;
 
-use super::{Level, MOST_LANES, Simd, SimdExt, Work};
+use super::{HALF, LANES, Level, Simd, SimdExt, Work};
 use crate::stage::interpolate;
 
 /// Where signs, carries and tables begin and end.
@@ -49,9 +49,9 @@ impl<const N: usize, O: Operation<N>> Work for Comparison<'_, N, O> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        for inputs in self.inputs.chunks(S::LANES) {
+        for inputs in self.inputs.chunks(LANES) {
             // Lanes behind the last input repeat the first.
-            let mut lanes = inputs[0].map(|word| [word; MOST_LANES]);
+            let mut lanes = inputs[0].map(|word| [word; LANES]);
             for (lane, input) in inputs.iter().enumerate() {
                 for (words, word) in lanes.iter_mut().zip(input) {
                     words[lane] = *word;
@@ -59,12 +59,9 @@ impl<const N: usize, O: Operation<N>> Work for Comparison<'_, N, O> {
             }
             let mut words = [simd.splat(0); N];
             for (words, lanes) in words.iter_mut().zip(&lanes) {
-                // SAFETY: there are as many as in any vector.
-                *words = unsafe { simd.load(lanes.as_ptr()) };
+                *words = load(simd, lanes);
             }
-            let mut found = [0; MOST_LANES];
-            // SAFETY: as above.
-            unsafe { simd.store(found.as_mut_ptr(), self.operation.vectors(simd, words)) };
+            let found = self::lanes(simd, self.operation.vectors(simd, words));
             for (lane, &input) in inputs.iter().enumerate() {
                 assert_eq!(found[lane], self.operation.lane(input), "lane {lane}: {input:?}");
             }
@@ -283,31 +280,41 @@ macro_rules! work {
 }
 use work;
 
+/// A vector of lanes.
+#[inline(always)]
+fn load<S: Simd>(simd: S, lanes: &[u16; LANES]) -> S::Words {
+    // SAFETY: as many as in a vector.
+    unsafe { simd.load([lanes.as_ptr(), lanes.as_ptr().add(HALF)]) }
+}
+
 /// The lanes of a vector.
 #[inline(always)]
-fn lanes<S: Simd>(simd: S, words: S::Words) -> Vec<u16> {
-    let mut lanes = vec![0; S::LANES];
+fn lanes<S: Simd>(simd: S, words: S::Words) -> [u16; LANES] {
+    let mut lanes = [0; LANES];
+    let start = lanes.as_mut_ptr();
     // SAFETY: as many as in a vector.
-    unsafe { simd.store(lanes.as_mut_ptr(), words) };
+    unsafe { simd.store([start, start.add(HALF)], words) };
     lanes
 }
 
 work!(constants, |simd| {
     simd.prefetch(core::ptr::null());
-    assert!(MOST_LANES.is_multiple_of(S::LANES));
-    assert_eq!(lanes(simd, simd.count()), (0..S::LANES as u16).collect::<Vec<_>>());
+    let halves = lanes(simd, simd.halves([-3, 7]));
+    assert!(halves[..HALF].iter().all(|lane| lane.cast_signed() == -3));
+    assert!(halves[HALF..].iter().all(|lane| *lane == 7));
+    assert_eq!(lanes(simd, simd.count()), core::array::from_fn(|lane| lane as u16));
     for edge in EDGES {
-        assert_eq!(lanes(simd, simd.splat(edge.cast_signed())), vec![edge; S::LANES]);
+        assert_eq!(lanes(simd, simd.splat(edge.cast_signed())), [edge; LANES]);
     }
 });
 
 work!(any_lane_counts, |simd| {
     assert!(!simd.any(simd.greater(simd.splat(0), simd.splat(0))));
-    for lane in 0..S::LANES {
+    for lane in 0..LANES {
         let mask = simd.equal(simd.count(), simd.splat(lane as i16));
         assert!(simd.any(mask), "{lane}");
         assert_eq!(simd.bits(mask), 1 << lane);
-        let expected: Vec<_> = (0..S::LANES).map(|place| u16::from(place == lane)).collect();
+        let expected = core::array::from_fn(|place| u16::from(place == lane));
         assert_eq!(lanes(simd, simd.select(mask, simd.splat(1), simd.splat(0))), expected);
     }
 });

@@ -1,8 +1,8 @@
 //! Operations that look tables up.
 
-use super::{Operation, at_every_level, compare, random, work};
+use super::{Operation, at_every_level, compare, load, random, work};
 use crate::fixed::{FULL, product, unity};
-use crate::optimised::simd::{DARK, Simd, Work};
+use crate::optimised::simd::{DARK, HALF, LANES, Simd, Work};
 use crate::optimised::tables::{Classification, ReflectanceMap};
 use crate::stage::reflectance::{HALF_FACE, look_up};
 use crate::tables::Tables;
@@ -70,7 +70,7 @@ work!(blending_of_entries, |simd| {
     let (tables, classification) = tables(true);
     let values: Vec<_> = values().collect();
     let mut words = random(8);
-    for values in values.chunks_exact(S::LANES) {
+    for values in values.as_chunks::<LANES>().0 {
         // Accumulated colours are not greater than opacities.
         let before: Vec<[u16; 4]> = values
             .iter()
@@ -83,7 +83,8 @@ work!(blending_of_entries, |simd| {
         let mut rays = before.clone();
         // SAFETY: there are as many values and rays as lanes.
         unsafe {
-            simd.blend_entries(&classification, simd.load(values.as_ptr()), rays.as_mut_ptr().cast());
+            let first = rays.as_mut_ptr().cast::<u16>();
+            simd.blend_entries(&classification, load(simd, values), [first, first.add(4 * HALF)]);
         }
         for (lane, ray) in rays.into_iter().enumerate() {
             let [entry, before] = [entry(&tables, values[lane]), before[lane]];

@@ -1,34 +1,45 @@
 //! Words, sums and voxels in memory.
 
-use super::{at_every_level, lanes, random, work};
-use crate::optimised::simd::{MOST_LANES, Simd, Work};
+use super::{at_every_level, lanes, load, random, work};
+use crate::optimised::simd::{HALF, LANES, Simd, Work};
 use crate::stage::interpolate;
 use core::array::from_fn;
 use vg500_regs::VoxelFormat;
 
 work!(loads_and_stores_anywhere_and_nothing_else, |simd| {
-    let words: Vec<_> = random(3).take(3 * MOST_LANES).collect();
-    for start in 0..=2 * MOST_LANES - S::LANES {
-        let mut copy = vec![0x5555; 3 * MOST_LANES];
-        // SAFETY: both have as many words from there on.
-        unsafe { simd.store(copy.as_mut_ptr().add(start), simd.load(words.as_ptr().add(start))) };
-        let end = start + S::LANES;
-        assert_eq!(copy[start..end], words[start..end]);
-        assert!(copy[..start].iter().chain(&copy[end..]).all(|word| *word == 0x5555), "{start}");
+    let words: Vec<_> = random(3).take(4 * LANES).collect();
+    for first in 0..=LANES {
+        for second in [first + HALF, 3 * LANES, 4 * LANES - HALF - first % 3] {
+            let mut copy = vec![0x5555; 4 * LANES];
+            let to = copy.as_mut_ptr();
+            // SAFETY: both have as many words from these places on.
+            unsafe {
+                let from = [first, second].map(|start| words.as_ptr().add(start));
+                simd.store([to.add(first), to.add(second)], simd.load(from));
+            }
+            for (place, (word, original)) in copy.into_iter().zip(&words).enumerate() {
+                let stored = [first, second].into_iter().any(|start| (start..start + HALF).contains(&place));
+                assert_eq!(word, if stored { *original } else { 0x5555 }, "{first} {second} {place}");
+            }
+        }
     }
 });
 
 work!(sums, |simd| {
     for seed in 0..100 {
-        let words: Vec<_> = random(4 + seed).take(S::LANES).collect();
+        let words = from_fn(|lane| random(4 + seed).nth(lane).unwrap());
         let high = random(200 + seed).map(|word| u32::from(word) << 15);
-        let before: Vec<u32> = high.take(S::LANES + 2).collect();
+        let before: Vec<u32> = high.take(LANES + 10).collect();
         let mut sums = before.clone();
-        // SAFETY: there is one for each lane behind the first.
-        unsafe { simd.add_to_sums(sums.as_mut_ptr().add(1), simd.load(words.as_ptr())) };
+        let start = sums.as_mut_ptr();
+        // SAFETY: there is one for each lane of a half behind the first, and behind as many more.
+        unsafe { simd.add_to_sums([start.add(1), start.add(1 + HALF + 8)], load(simd, &words)) };
         for (place, sum) in sums.into_iter().enumerate() {
-            let lane = place.checked_sub(1).and_then(|lane| words.get(lane));
-            assert_eq!(sum, before[place] + lane.map_or(0, |word| u32::from(*word)), "{place}");
+            let lane = match place {
+                1..=HALF => Some(place - 1),
+                _ => place.checked_sub(1 + 8).filter(|lane| (HALF..LANES).contains(lane)),
+            };
+            assert_eq!(sum, before[place] + lane.map_or(0, |lane| u32::from(words[lane])), "{place}");
         }
     }
 });
@@ -49,7 +60,7 @@ work!(voxels_of_all_formats_and_values, |simd| {
     let words = (0..=u16::MAX).flat_map(u16::to_le_bytes);
     let memory: Vec<u8> = [0].into_iter().chain(words).collect();
     for format in FORMATS {
-        for start in (1..memory.len()).step_by(S::LANES * format.bytes()) {
+        for start in (1..memory.len()).step_by(LANES * format.bytes()) {
             // SAFETY: 2^16 is a multiple of all vectors.
             let found = lanes(simd, unsafe { simd.load_voxels(format, memory.as_ptr().add(start)) });
             for (lane, found) in found.into_iter().enumerate() {
