@@ -126,6 +126,22 @@ impl<'a> Volume<'a> {
         }
     }
 
+    /// Asks for the row at y of slice z, which will be brought in soon, if it is one and can be asked for at once.
+    #[inline(always)]
+    pub fn prefetch_row<S: Simd>(&self, simd: S, y: i32, z: i32) {
+        let [width, height, depth] = self.size;
+        let [Ok(y), Ok(z)] = [usize::try_from(y), usize::try_from(z)] else { return };
+        if self.contiguous != 0 || y >= height || z >= depth {
+            return;
+        }
+        let start = self.offset([0, y, z]);
+        for offset in (0..width * self.format.bytes()).step_by(CACHE_LINE) {
+            simd.prefetch(
+                self.memory.start().as_ptr().wrapping_offset(start).wrapping_add(offset).cast_const(),
+            );
+        }
+    }
+
     /// Reads a row with padding whose end may lie past the end of the memory.
     #[cold]
     #[inline(never)]
@@ -145,10 +161,6 @@ impl<'a> Volume<'a> {
             // SAFETY: the caller has checked the row's length rounded up to the most lanes there are.
             let voxels = unsafe { simd.load_voxels(self.format, from.add(block.starts()[0] * bytes)) };
             line.store(simd, block, voxels);
-        }
-        // The next slice's row: it is read when this slice is done.
-        for start in (0..self.size[0] * bytes).step_by(CACHE_LINE) {
-            simd.prefetch(from.wrapping_add(start).wrapping_offset(self.strides[2]));
         }
     }
 
