@@ -1,11 +1,16 @@
 //! The programming manual's generated parts are those of the source.
 //!
-//! `UPDATE_MANUAL=1 cargo test -p volumepro-device --test manual` writes them anew.
+//! `UPDATE_MANUAL=1 cargo test -p volumepro-device --test manual` writes them anew; the frame of the library comes from
+//! the test of the same name in `volumepro-tests`.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+#[path = "common/parts.rs"]
+mod parts;
+
 use std::fmt::Write;
 
+use parts::{MANUAL, with_part};
 use vg500_engine::fixed::FORMATS;
 use vg500_engine::{Cancel, Memories, Renderer};
 use vg500_regs::fault::FaultCode;
@@ -15,8 +20,6 @@ use vg500_regs::section::{ALWAYS, BLENDED, EXTREME, SUMMED, record_words};
 use vg500_regs::table::REGISTERS;
 use vg500_regs::{BlendMode, FrameRegisters, PixelFormat, SharedView};
 use volumepro_device::sandbox::{self, Treatment};
-
-const MANUAL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/PROGRAMMING.md");
 
 fn tables() -> String {
     let mut text =
@@ -98,18 +101,9 @@ fn system_calls() -> String {
     text
 }
 
-/// `manual` with `text` between the markers of `part`.
-fn with_part(manual: &str, part: &str, text: &str) -> String {
-    let [begin, end] = ["begin", "end"].map(|it| format!("<!-- {part}: {it} -->\n"));
-    let (before, rest) = manual.split_once(&begin).expect("a marker");
-    let (_, after) = rest.split_once(&end).expect("a marker");
-    format!("{before}{begin}\n{}\n\n{end}{after}", text.trim())
-}
-
 #[test]
 fn generated_parts_are_up_to_date() {
-    let manual = std::fs::read_to_string(MANUAL).unwrap();
-    let parts = [
+    parts::check(&[
         ("sandbox", system_calls()),
         ("tables", tables()),
         ("sections", sections()),
@@ -117,13 +111,7 @@ fn generated_parts_are_up_to_date() {
         ("faults", faults()),
         ("formats", formats()),
         ("registers", register_chapter()),
-    ];
-    let current = parts.iter().fold(manual.clone(), |text, (part, new)| with_part(&text, part, new));
-    if std::env::var_os("UPDATE_MANUAL").is_some() {
-        std::fs::write(MANUAL, &current).unwrap();
-    } else {
-        assert!(manual == current, "PROGRAMMING.md is stale: run this test with UPDATE_MANUAL=1");
-    }
+    ]);
 }
 
 #[test]
