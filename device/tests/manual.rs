@@ -9,6 +9,7 @@
 mod parts;
 
 use std::fmt::Write;
+use std::process::Command;
 
 use parts::{MANUAL, with_part};
 use vg500_engine::fixed::FORMATS;
@@ -20,6 +21,15 @@ use vg500_regs::section::{ALWAYS, BLENDED, EXTREME, SUMMED, record_words};
 use vg500_regs::table::REGISTERS;
 use vg500_regs::{BlendMode, FrameRegisters, PixelFormat, SharedView};
 use volumepro_device::sandbox::{self, Treatment};
+
+/// The options as the process tells them, but for those that every program has.
+fn options() -> String {
+    let help = Command::new(env!("CARGO_BIN_EXE_volumepro-device")).arg("-h").output().unwrap();
+    let help = String::from_utf8(help.stdout).unwrap();
+    let (_, options) = help.split_once("Options:\n").expect("options");
+    let lines = options.lines().filter_map(|line| line.strip_prefix("      "));
+    lines.fold(String::new(), |text, line| text + "    " + line + "\n")
+}
 
 fn tables() -> String {
     let mut text =
@@ -104,6 +114,7 @@ fn system_calls() -> String {
 #[test]
 fn generated_parts_are_up_to_date() {
     parts::check(&[
+        ("options", options()),
         ("sandbox", system_calls()),
         ("tables", tables()),
         ("sections", sections()),

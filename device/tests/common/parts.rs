@@ -15,7 +15,10 @@ pub fn check(parts: &[(&str, String)]) {
     let manual = std::fs::read_to_string(MANUAL).unwrap();
     let current = parts.iter().fold(manual.clone(), |text, (part, new)| with_part(&text, part, new));
     if std::env::var_os("UPDATE_MANUAL").is_some() {
-        std::fs::write(MANUAL, &current).unwrap();
+        // In one step, because other tests read it meanwhile.
+        let new = format!("{MANUAL}.new");
+        std::fs::write(&new, &current).unwrap();
+        std::fs::rename(new, MANUAL).unwrap();
     } else {
         assert!(manual == current, "PROGRAMMING.md is stale: run this test with UPDATE_MANUAL=1");
     }
