@@ -13,13 +13,11 @@ use std::process::Command;
 
 use parts::{MANUAL, with_part};
 use vg500_engine::fixed::FORMATS;
-use vg500_engine::{Cancel, Memories, Renderer};
 use vg500_regs::fault::FaultCode;
 use vg500_regs::manual::register_chapter;
 use vg500_regs::memory::Table;
 use vg500_regs::section::{ALWAYS, BLENDED, EXTREME, SUMMED, record_words};
-use vg500_regs::table::REGISTERS;
-use vg500_regs::{BlendMode, FrameRegisters, PixelFormat, SharedView};
+use vg500_regs::{BlendMode, PixelFormat};
 use volumepro_device::sandbox::{self, Treatment};
 
 /// The options as the process tells them, but for those that every program has.
@@ -150,57 +148,4 @@ fn registers_that_the_text_names_exist() {
             assert!(chapter.contains(word), "{name}");
         }
     }
-}
-
-/// A line of the worked example: a place, and the rest.
-fn example(manual: &str) -> Vec<(u32, usize, &str)> {
-    let (_, chapter) = manual.split_once("## Worked example").unwrap();
-    let (chapter, _) = chapter.split_once("\n## ").unwrap();
-    let lines = chapter.lines().filter_map(|line| line.strip_prefix("    BAR"));
-    lines
-        .map(|line| {
-            let (place, rest) = line.split_once("  ").unwrap();
-            let (bar, offset) = place.split_once(" + 0x").unwrap();
-            (bar.parse().unwrap(), usize::from_str_radix(offset, 16).unwrap(), rest.trim())
-        })
-        .collect()
-}
-
-/// The bytes at the beginning of a text.
-fn bytes(text: &str) -> Vec<u8> {
-    let numbers = text.split("  ").next().unwrap().split(' ');
-    numbers.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
-}
-
-#[test]
-fn the_worked_example_works() {
-    let manual = std::fs::read_to_string(MANUAL).unwrap();
-    let [mut tables, mut voxels, mut pixels] = [vec![0; 0x10000], vec![0; 0x10000], vec![0; 16 << 20]];
-    let mut registers = FrameRegisters::default();
-    let mut compared = 0;
-    for (bar, offset, rest) in example(&manual) {
-        match bar {
-            0 => {
-                let register = REGISTERS.iter().find(|it| it.offset as usize == offset).unwrap();
-                assert!(rest.contains(register.name), "{rest}: {}", register.name);
-                registers.write(register.offset, u32::from_str_radix(&rest[2..10], 16).unwrap());
-            }
-            1 => tables[offset..][..bytes(rest).len()].copy_from_slice(&bytes(rest)),
-            2 => voxels[offset..][..bytes(rest).len()].copy_from_slice(&bytes(rest)),
-            _ => {
-                let task =
-                    Renderer::Reference.take(&registers, &SharedView::of(&mut tables), voxels.len()).unwrap();
-                let memories = Memories {
-                    voxel: SharedView::of(&mut voxels),
-                    pixel: SharedView::of(&mut pixels),
-                    section: SharedView::of(&mut []),
-                };
-                assert_eq!((task.frame.tag, task.frame.output.plane), (1, 0));
-                Renderer::Reference.render(&task, memories, &Cancel::default()).unwrap();
-                assert_eq!(pixels[offset..][..4], bytes(rest), "{rest}");
-                compared += 1;
-            }
-        }
-    }
-    assert_eq!(compared, 2);
 }
