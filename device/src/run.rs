@@ -38,10 +38,10 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
     /// Complete commands when the real card would have.
-    #[arg(long, value_parser = pace)]
+    #[arg(long, value_parser = pace, value_name = "hardware")]
     pace: Option<Pace>,
     /// Interrupts on offer: msix (with msi), msi, or intx as on the card of 1999.
-    #[arg(long, default_value = "msix", value_parser = interrupts)]
+    #[arg(long, default_value = "msix", value_parser = interrupts, value_name = "KIND")]
     interrupt: InterruptMode,
     /// Voxel memory in MiB: 128 or 256.
     #[arg(long, default_value = "128", value_parser = voxel_memory, value_name = "MIB")]

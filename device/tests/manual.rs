@@ -1,22 +1,33 @@
 //! The programming manual's generated parts are those of the source.
 //!
-//! `UPDATE_MANUAL=1 cargo test -p volumepro-device --test manual` writes them anew.
+//! `UPDATE_MANUAL=1 cargo test -p volumepro-device --test manual` writes them anew; the frame of the library comes from
+//! the test of the same name in `volumepro-tests`.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use std::fmt::Write;
+#[path = "common/parts.rs"]
+mod parts;
 
+use std::fmt::Write;
+use std::process::Command;
+
+use parts::{MANUAL, with_part};
 use vg500_engine::fixed::FORMATS;
-use vg500_engine::{Cancel, Memories, Renderer};
 use vg500_regs::fault::FaultCode;
 use vg500_regs::manual::register_chapter;
 use vg500_regs::memory::Table;
 use vg500_regs::section::{ALWAYS, BLENDED, EXTREME, SUMMED, record_words};
-use vg500_regs::table::REGISTERS;
-use vg500_regs::{BlendMode, FrameRegisters, PixelFormat, SharedView};
+use vg500_regs::{BlendMode, PixelFormat};
 use volumepro_device::sandbox::{self, Treatment};
 
-const MANUAL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/PROGRAMMING.md");
+/// The options as the process tells them, but for those that every program has.
+fn options() -> String {
+    let help = Command::new(env!("CARGO_BIN_EXE_volumepro-device")).arg("-h").output().unwrap();
+    let help = String::from_utf8(help.stdout).unwrap();
+    let (_, options) = help.split_once("Options:\n").expect("options");
+    let lines = options.lines().filter_map(|line| line.strip_prefix("      "));
+    lines.fold(String::new(), |text, line| text + "    " + line + "\n")
+}
 
 fn tables() -> String {
     let mut text =
@@ -98,18 +109,10 @@ fn system_calls() -> String {
     text
 }
 
-/// `manual` with `text` between the markers of `part`.
-fn with_part(manual: &str, part: &str, text: &str) -> String {
-    let [begin, end] = ["begin", "end"].map(|it| format!("<!-- {part}: {it} -->\n"));
-    let (before, rest) = manual.split_once(&begin).expect("a marker");
-    let (_, after) = rest.split_once(&end).expect("a marker");
-    format!("{before}{begin}\n{}\n\n{end}{after}", text.trim())
-}
-
 #[test]
 fn generated_parts_are_up_to_date() {
-    let manual = std::fs::read_to_string(MANUAL).unwrap();
-    let parts = [
+    parts::check(&[
+        ("options", options()),
         ("sandbox", system_calls()),
         ("tables", tables()),
         ("sections", sections()),
@@ -117,13 +120,7 @@ fn generated_parts_are_up_to_date() {
         ("faults", faults()),
         ("formats", formats()),
         ("registers", register_chapter()),
-    ];
-    let current = parts.iter().fold(manual.clone(), |text, (part, new)| with_part(&text, part, new));
-    if std::env::var_os("UPDATE_MANUAL").is_some() {
-        std::fs::write(MANUAL, &current).unwrap();
-    } else {
-        assert!(manual == current, "PROGRAMMING.md is stale: run this test with UPDATE_MANUAL=1");
-    }
+    ]);
 }
 
 #[test]
@@ -151,57 +148,4 @@ fn registers_that_the_text_names_exist() {
             assert!(chapter.contains(word), "{name}");
         }
     }
-}
-
-/// A line of the worked example: a place, and the rest.
-fn example(manual: &str) -> Vec<(u32, usize, &str)> {
-    let (_, chapter) = manual.split_once("## Worked example").unwrap();
-    let (chapter, _) = chapter.split_once("\n## ").unwrap();
-    let lines = chapter.lines().filter_map(|line| line.strip_prefix("    BAR"));
-    lines
-        .map(|line| {
-            let (place, rest) = line.split_once("  ").unwrap();
-            let (bar, offset) = place.split_once(" + 0x").unwrap();
-            (bar.parse().unwrap(), usize::from_str_radix(offset, 16).unwrap(), rest.trim())
-        })
-        .collect()
-}
-
-/// The bytes at the beginning of a text.
-fn bytes(text: &str) -> Vec<u8> {
-    let numbers = text.split("  ").next().unwrap().split(' ');
-    numbers.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
-}
-
-#[test]
-fn the_worked_example_works() {
-    let manual = std::fs::read_to_string(MANUAL).unwrap();
-    let [mut tables, mut voxels, mut pixels] = [vec![0; 0x10000], vec![0; 0x10000], vec![0; 16 << 20]];
-    let mut registers = FrameRegisters::default();
-    let mut compared = 0;
-    for (bar, offset, rest) in example(&manual) {
-        match bar {
-            0 => {
-                let register = REGISTERS.iter().find(|it| it.offset as usize == offset).unwrap();
-                assert!(rest.contains(register.name), "{rest}: {}", register.name);
-                registers.write(register.offset, u32::from_str_radix(&rest[2..10], 16).unwrap());
-            }
-            1 => tables[offset..][..bytes(rest).len()].copy_from_slice(&bytes(rest)),
-            2 => voxels[offset..][..bytes(rest).len()].copy_from_slice(&bytes(rest)),
-            _ => {
-                let task =
-                    Renderer::Reference.take(&registers, &SharedView::of(&mut tables), voxels.len()).unwrap();
-                let memories = Memories {
-                    voxel: SharedView::of(&mut voxels),
-                    pixel: SharedView::of(&mut pixels),
-                    section: SharedView::of(&mut []),
-                };
-                assert_eq!((task.frame.tag, task.frame.output.plane), (1, 0));
-                Renderer::Reference.render(&task, memories, &Cancel::default()).unwrap();
-                assert_eq!(pixels[offset..][..4], bytes(rest), "{rest}");
-                compared += 1;
-            }
-        }
-    }
-    assert_eq!(compared, 2);
 }

@@ -418,7 +418,9 @@ registers! {
     step_y "STEP_Y" WriteOnly 0x3e0 = 0x0000_0000, "What rays advance from one sample slice to the next." {
         STEP 0 +23 RAY_STEP "Permuted y."
     }
-    eye_xy "EYE_XY" WriteOnly 0x3e4 = 0x0000_0000, "Direction towards the eye, for reflection." {
+    eye_xy "EYE_XY" WriteOnly 0x3e4 = 0x0000_0000,
+    "Direction towards the eye, for reflection. Frames with a specular coefficient want a square of its length within \
+     1/1024 of 1." {
         X 0 +16 EYE "Object x."
         Y 16 +16 EYE "Object y."
     }
@@ -441,7 +443,8 @@ registers! {
         PLANE_FORMAT 4 +2 CODE "0 RGBA8, 1 64-bit accumulators (not for the weighted sum), 2 128-bit sums (only for \
                                the weighted sum)."
         SECTIONS 8 +1 CODE "Work section by section, 32 voxels wide, through section memory. Pixels are the same."
-        CURSOR_ONLY 9 +1 CODE "Blend only the cursor over the accumulators of an earlier frame."
+        CURSOR_ONLY 9 +1 CODE "Blend only the cursor over the accumulators of an earlier frame, which `ACCUMULATORS` \
+                               gives. Not in alpha blending."
     }
     keep "KEEP" WriteOnly 0x3f8 = 0x0000_0000,
     "What is not to be left out. No pixel depends on it: it tells what an omission is worth." {

@@ -4,6 +4,7 @@
 
 mod confined;
 mod cycles;
+mod example;
 mod frames;
 mod life;
 mod peer;

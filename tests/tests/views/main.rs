@@ -267,6 +267,7 @@ fn the_same_object_in_other_voxels_looks_and_measures_the_same() {
                     100.0 * relative[1]
                 );
                 assert_eq!(outcome.wrong, 0, "{name}, {blend:?}, {azimuth} {elevation}: {outcome:?}");
+                assert!(outcome.compared > 2 * outcome.unbounded, "{name}, {blend:?}: {outcome:?}");
             }
         }
     }

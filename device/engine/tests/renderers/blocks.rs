@@ -5,10 +5,21 @@ use crate::card::{Card, Store};
 use crate::grid::{Chance, Grid};
 use crate::scene::{LIT, MODES, Scene, UNLIT, VOXEL};
 use std::ops::Range;
+use std::sync::LazyLock;
 use vg500_engine::frame::{Crop, Cursor, CutPlane};
+use vg500_engine::{Cancel, Engine, Renderer};
 use vg500_regs::{BlendMode, Permutation};
 
 type Window = [Range<usize>; 3];
+
+/// What draws blocks; the whole is the reference's.
+static ENGINES: LazyLock<[Engine; 2]> =
+    LazyLock::new(|| [Renderer::Reference, Renderer::default()].map(Renderer::start));
+
+fn render(engine: &Engine, card: &mut Card, scene: &Scene) {
+    let task = card.task(scene).unwrap();
+    engine.render(&task, card.memories(), &Cancel::default()).unwrap();
+}
 
 /// The blocks between cuts along each object axis.
 fn blocks(size: [usize; 3], cuts: &[Vec<usize>; 3]) -> Vec<Window> {
@@ -86,7 +97,14 @@ enum Stores {
 }
 
 /// Pixels of the whole rendered block by block, in base plane 1.
-fn block_by_block(card: &mut Card, grid: &Grid, whole: &Scene, blocks: &[Window], stores: Stores) -> Vec<u8> {
+fn block_by_block(
+    engine: &Engine,
+    card: &mut Card,
+    grid: &Grid,
+    whole: &Scene,
+    blocks: &[Window],
+    stores: Stores,
+) -> Vec<u8> {
     let whole = Scene { plane: 1, ..whole.clone() };
     let scenes: Vec<Scene> = blocks
         .iter()
@@ -104,12 +122,12 @@ fn block_by_block(card: &mut Card, grid: &Grid, whole: &Scene, blocks: &[Window]
     let mut accumulators = None;
     for scene in &scenes {
         let cursor = scene.cursor.filter(|_| late_cursor.is_none());
-        card.render(&Scene { accumulators, cursor, ..scene.clone() }).unwrap();
+        render(engine, card, &Scene { accumulators, cursor, ..scene.clone() });
         accumulators = Some(1);
     }
     if late_cursor.is_some() {
         for scene in scenes.iter().rev() {
-            card.render(&Scene { accumulators, cursor_only: true, ..scene.clone() }).unwrap();
+            render(engine, card, &Scene { accumulators, cursor_only: true, ..scene.clone() });
         }
     }
     card.plane(&whole)
@@ -132,10 +150,12 @@ fn check(name: &str, whole: &Scene, cuts: &[Vec<usize>; 3], stores: Stores, card
         whole.format = whole.wide_format();
         let expected = card.rendered(&whole);
         let blocks = front_to_back(blocks(grid.size, cuts), &whole.permutation);
-        let found = block_by_block(card, grid, &whole, &blocks, stores);
+        for engine in ENGINES.iter() {
+            let found = block_by_block(engine, card, grid, &whole, &blocks, stores);
+            assert!(expected == found, "{name}, {stores:?}, {blend:?}, {cuts:?}: {whole:?}");
+        }
         let blank = card.rendered(&Scene { subvolume: [[-9, -8]; 3], ..whole.clone() });
         assert!(expected != blank);
-        assert!(expected == found, "{name}, {stores:?}, {blend:?}, {cuts:?}: {whole:?}");
     }
 }
 

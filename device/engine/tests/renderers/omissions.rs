@@ -79,7 +79,7 @@ fn random_frames_of_sparse_volumes_with_every_switch() {
 fn each_switch_draws_the_same_picture_and_says_what_it_kept() {
     let mut card = Card::with_tables();
     card.set_transfer(|value| ([value as u8, 200, 90], if value < 2500 { 0 } else { 3000 }));
-    let store = card.load(&Grid::blobs([200, 90, 80]));
+    let store = card.load(&Grid::blobs([100, 90, 80]));
     for (illumination, blend) in [
         (UNLIT, BlendMode::Alpha),
         (LIT, BlendMode::Alpha),
@@ -120,8 +120,8 @@ fn a_table_transparent_for_one_value_only() {
     for transparent in [0, 1, 2047, 4094, 4095] {
         let mut card = Card::with_tables();
         card.set_transfer(|value| ([value as u8, 9, 200], if value == transparent { 0 } else { 900 }));
-        let grid = Grid::new(VoxelFormat::Uint12Lower, [150, 40, 40], |[x, ..]| {
-            if x < 70 { transparent } else { transparent ^ 1 }
+        let grid = Grid::new(VoxelFormat::Uint12Lower, [80, 40, 40], |[x, ..]| {
+            if x < 40 { transparent } else { transparent ^ 1 }
         });
         let store = card.load(&grid);
         let scene = Scene { step: [VOXEL / 2, VOXEL / 3], ..Scene::new(store) }.with_all_rays();

@@ -13,6 +13,8 @@
 //!   2 s l_a sum of l d / rho.
 //! * Voxels of 12 bits are off by 1/2, differences of them by 1.
 //!
+//! The maps hold the formula at each vertex, so what they show between vertices is what their resolution can.
+//!
 //! For the ideal with voxels in `f64` only the first two count. For the reference all of them, and then the errors
 //! that [`bounds`](crate::bounds) derives.
 
@@ -25,6 +27,9 @@ use crate::scene::{Scene, UNLIT, VOXEL};
 use vg500_engine::frame::Illumination;
 use vg500_engine::ideal::shading::Light;
 use vg500_engine::ideal::{self, Ray};
+use vg500_regs::limit::REFLECTANCE_ENTRIES;
+use vg500_regs::memory::Table;
+use vg500_regs::reflectance::direction;
 use vg500_regs::{BlendMode, Permutation, SharedView, VoxelFormat};
 
 const MIDDLE: f64 = 2048.0;
@@ -56,15 +61,21 @@ impl Sphere {
         let reach = lengths.iter().sum::<f64>() + lengths.iter().copied().fold(0.0, f64::max);
         let steepness = (1600.0 / reach).min(300.0);
         let shell = (1900.0 - steepness * reach).min(600.0);
+        let mut sphere = Self { axes, lengths, size: [0; 3], radius, steepness, shell };
         // The box of the sphere: the reciprocal of an axis says how far it reaches along it.
         let margin = radius + shell / steepness + 1.0;
-        let size = [0, 1, 2].map(|axis| {
-            let [b, c] = [axes[(axis + 1) % 3], axes[(axis + 2) % 3]];
-            let across = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
-            let reciprocal = dot(across, across).sqrt() / dot(across, axes[axis]).abs();
-            2 * (margin * reciprocal).ceil() as usize + 4
+        sphere.size = [0, 1, 2].map(|axis| {
+            let reciprocal = sphere.reciprocal(axis);
+            2 * (margin * dot(reciprocal, reciprocal).sqrt()).ceil() as usize + 4
         });
-        Self { axes, lengths, size, radius, steepness, shell }
+        sphere
+    }
+
+    /// World gradient of a coordinate in voxels.
+    fn reciprocal(&self, axis: usize) -> Vector {
+        let [b, c] = [self.axes[(axis + 1) % 3], self.axes[(axis + 2) % 3]];
+        let across = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+        across.map(|component| component / dot(across, self.axes[axis]))
     }
 
     /// World position of a voxel position, from the centre.
@@ -122,19 +133,42 @@ impl Sphere {
 
     /// Phong's formula.
     fn phong(&self, position: Vector, eye: Vector, color: [f64; 4]) -> [f64; 4] {
-        let normal = unit(self.world(position));
-        let mirrored = [0, 1, 2].map(|axis| 2.0 * dot(normal, eye) * normal[axis] - eye[axis]);
-        let lit = |vector: Vector, exponent: f64| {
-            let parts =
-                LIGHTS.map(|light| light.intensity * (-dot(vector, light.direction)).max(0.0).powf(exponent));
-            parts.iter().sum::<f64>().min(1.0)
-        };
         let level = |byte: u8| f64::from(byte) / 255.0;
-        let own = level(MATERIAL.emissive) + lit(normal, 1.0) * level(MATERIAL.diffuse);
-        let white = lit(mirrored, EXPONENT) * level(MATERIAL.specular);
+        let [diffuse, specular] = intensities(unit(self.world(position)), eye);
+        let own = level(MATERIAL.emissive) + diffuse * level(MATERIAL.diffuse);
+        let white = specular * level(MATERIAL.specular);
         let [r, g, b] =
             [0, 1, 2].map(|it| (own * color[it] + white * level(MATERIAL.specular_color[it])).min(1.0));
         [r, g, b, color[3]]
+    }
+}
+
+/// Diffuse and specular light on a surface.
+fn intensities(normal: Vector, eye: Vector) -> [f64; 2] {
+    let mirrored = [0, 1, 2].map(|axis| 2.0 * dot(normal, eye) * normal[axis] - eye[axis]);
+    [(normal, 1.0), (mirrored, EXPONENT)].map(|(vector, exponent)| {
+        let parts =
+            LIGHTS.map(|light| light.intensity * (-dot(vector, light.direction)).max(0.0).powf(exponent));
+        parts.iter().sum::<f64>().min(1.0)
+    })
+}
+
+/// The maps hold Phong's formula at each vertex: the diffuse one for surfaces of that gradient, the specular one for
+/// those of which it is the reflection of the eye, which are half-way to it. `eye` is a direction in voxel space.
+fn check_maps(card: &Card, sphere: &Sphere, eye: Vector, eye_in_world: Vector) {
+    let normal = |gradient: Vector| {
+        let [x, y, z] = [0, 1, 2].map(|axis| sphere.reciprocal(axis));
+        unit([0, 1, 2].map(|row| -(x[row] * gradient[0] + y[row] * gradient[1] + z[row] * gradient[2])))
+    };
+    for entry in 0..REFLECTANCE_ENTRIES {
+        let vertex = direction(entry).map(f64::from);
+        let [diffuse, _] = intensities(normal(vertex), eye_in_world);
+        let (vertex, eye) = (unit(vertex), unit(eye));
+        let [_, specular] = intensities(normal([0, 1, 2].map(|it| vertex[it] + eye[it])), eye_in_world);
+        for (map, expected) in [(Table::Diffuse, diffuse), (Table::Specular, specular)] {
+            let found = f64::from(card.tables[map.offset(0) + 4 * entry]);
+            assert!((found - 255.0 * expected).abs() <= 0.5 + 1e-9, "{map:?} {entry}: {found} {expected}");
+        }
     }
 }
 
@@ -174,6 +208,7 @@ fn check(name: &str, axes: [Vector; 3], radius: f64) {
         let ideal = ideal::frame::scene_in_light(&task, memory, lit.lighting.clone()).unwrap();
         check_ideal(&sphere, &ideal);
         let in_world = unit([0, 1, 2].map(|row| (0..3).map(|axis| axes[axis][row] * eye[axis]).sum()));
+        check_maps(&card, &sphere, eye, in_world);
         let expected: Vec<Ray> = (0..scene.rays[0] * scene.rays[1])
             .map(|place| {
                 let offset = [place % scene.rays[0], place / scene.rays[0]];
@@ -192,7 +227,7 @@ fn check(name: &str, axes: [Vector; 3], radius: f64) {
         let truth = |position| sphere.truth(position, &rounding, z);
         let outcome = compare_with(&mut card, &scene, &task, &ideal, &expected, &truth);
         outcome.print(&format!("{name}, {view}"));
-        assert!(outcome.compared > 500, "{outcome:?}");
+        assert!(outcome.compared > 500 && outcome.compared > 100 * outcome.unbounded, "{outcome:?}");
     }
 }
 
