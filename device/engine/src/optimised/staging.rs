@@ -99,6 +99,7 @@ impl Staging {
             lines: &mut self.lines,
             capacity: self.capacity,
             slots: self.slots.len(),
+            first: [slices.start, slices.start % self.slots.len()],
             first_row: rows.start,
         };
         volume.load(simd, rows.clone(), slices.clone(), &mut lines);

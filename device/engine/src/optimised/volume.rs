@@ -24,6 +24,8 @@ pub struct Lines<'a> {
     pub capacity: usize,
     /// Slots; slice z is in slot z modulo their number.
     pub slots: usize,
+    /// The first of the slices that are brought in, and its slot.
+    pub first: [usize; 2],
     /// The row that the first line of each slot is.
     pub first_row: usize,
 }
@@ -32,7 +34,10 @@ impl Lines<'_> {
     /// The line of the row at y of slice z.
     #[inline(always)]
     fn at(&mut self, y: usize, z: usize) -> &mut Line {
-        &mut self.lines[z % self.slots * self.capacity + y - self.first_row]
+        let [first, slot] = self.first;
+        let slot = slot + z - first;
+        let slot = if slot < self.slots { slot } else { slot - self.slots };
+        &mut self.lines[slot * self.capacity + y - self.first_row]
     }
 }
 
@@ -126,20 +131,37 @@ impl<'a> Volume<'a> {
         }
     }
 
-    /// Asks for the row at y of slice z, which will be brought in soon, if it is one and can be asked for at once.
+    /// Asks for voxels of a row, which will be brought in after those at y of slice z: slice by slice all of them, and
+    /// one after the other, for at once they would wait for each other.
     #[inline(always)]
-    pub fn prefetch_row<S: Simd>(&self, simd: S, y: i32, z: i32) {
+    pub fn prefetch<S: Simd>(&self, simd: S, y: i32, z: i32) {
         let [width, height, depth] = self.size;
         let [Ok(y), Ok(z)] = [usize::try_from(y), usize::try_from(z)] else { return };
-        if self.contiguous != 0 || y >= height || z >= depth {
+        if y >= height || z >= depth {
             return;
         }
-        let start = self.offset([0, y, z]);
-        for offset in (0..width * self.format.bytes()).step_by(CACHE_LINE) {
-            simd.prefetch(
-                self.memory.start().as_ptr().wrapping_offset(start).wrapping_add(offset).cast_const(),
-            );
+        if self.contiguous == 0 {
+            let start = self.offset([0, y, z]);
+            for offset in (0..width * self.format.bytes()).step_by(CACHE_LINE) {
+                self.prefetch_line(simd, start.wrapping_add_unsigned(offset));
+            }
+        } else if self.contiguous == 2 {
+            // Of the next group of slices a share of the row with each slice of this one.
+            let Range { start, end } = self.slices_with(z);
+            let next = self.slices_with(end.min(depth - 1));
+            let lowest = if self.strides[2] < 0 { next.end - 1 } else { next.start };
+            let share = width.div_ceil(GROUP);
+            let first = (z - start) * share;
+            for x in first..(first + share).min(width) {
+                self.prefetch_line(simd, self.offset([x, y, lowest]));
+            }
         }
+    }
+
+    /// Asks for the cache line at a byte offset.
+    #[inline(always)]
+    fn prefetch_line<S: Simd>(&self, simd: S, offset: isize) {
+        simd.prefetch(self.memory.start().as_ptr().wrapping_offset(offset).cast_const());
     }
 
     /// Reads a row with padding whose end may lie past the end of the memory.
@@ -185,23 +207,15 @@ impl<'a> Volume<'a> {
                 for across in across.clone() {
                     let [y, z] = at(lowest, across);
                     let start = self.offset([x, y, z]);
-                    let first = self.load_square(simd, start);
-                    let second = self.load_square(simd, start + self.group_bytes() / 2);
+                    let rows = self.load_group(simd, start);
                     for index in here.clone() {
                         let [y, z] = at(index, across);
-                        let place = index.abs_diff(lowest);
-                        let square = if place < SQUARE { &first } else { &second };
-                        lines.at(y, z).store_16(x, &square[place % SQUARE]);
+                        lines.at(y, z).store_16(x, &rows[index.abs_diff(lowest) % GROUP]);
                     }
                 }
             }
             next = here.end;
         }
-    }
-
-    /// Bytes of the voxels of a group that follow each other.
-    const fn group_bytes(&self) -> isize {
-        (GROUP * self.format.bytes()).cast_signed()
     }
 
     /// The coordinates on an axis, on which voxels follow each other, that are read together with `index`: groups
@@ -218,27 +232,28 @@ impl<'a> Volume<'a> {
         }
     }
 
-    /// Reads 16 x 16 voxels: along x from a byte offset on, and for each of these those that follow in memory; as
-    /// rows along x.
+    /// Reads 16 x 32 voxels: along x from a byte offset on, and for each of these those that follow in memory; as
+    /// rows along x. All of a cache line is read at once: lines along x often share their places in the caches, and
+    /// push each other out.
     #[inline(always)]
-    fn load_square<S: Simd>(&self, simd: S, start: isize) -> [[u16; SQUARE]; SQUARE] {
+    fn load_group<S: Simd>(&self, simd: S, start: isize) -> [[u16; SQUARE]; GROUP] {
         let bytes = self.format.bytes();
         let pitch = self.strides[0];
-        let length = pitch.unsigned_abs() * (SQUARE - 1) + SQUARE * bytes;
+        let length = pitch.unsigned_abs() * (SQUARE - 1) + GROUP * bytes;
         if let Some(place) = self.place(start, length) {
-            // SAFETY: the square lies inside of the memory.
+            // SAFETY: all of them lie inside of the memory.
             return unsafe { simd.load_transposed(self.format, place, pitch) };
         }
-        let mut copy = [0; SQUARE * SQUARE * 2];
-        for (row, voxels) in copy.chunks_exact_mut(SQUARE * 2).enumerate() {
-            for (voxel, stored) in voxels.chunks_exact_mut(bytes).take(SQUARE).enumerate() {
+        let mut copy = [0; SQUARE * GROUP * 2];
+        for (row, voxels) in copy.chunks_exact_mut(GROUP * 2).enumerate() {
+            for (voxel, stored) in voxels.chunks_exact_mut(bytes).take(GROUP).enumerate() {
                 let offset = start + row.cast_signed() * pitch + (voxel * bytes).cast_signed();
                 // Voxels past the end of the memory are not of the volume, and nothing uses them.
                 let _inside = self.memory.read(offset.cast_unsigned(), stored);
             }
         }
-        // SAFETY: the copy holds 16 rows of 16 voxels of at most two bytes.
-        unsafe { simd.load_transposed(self.format, copy.as_ptr(), (SQUARE * 2).cast_signed()) }
+        // SAFETY: the copy holds 16 rows of 32 voxels of at most two bytes.
+        unsafe { simd.load_transposed(self.format, copy.as_ptr(), (GROUP * 2).cast_signed()) }
     }
 
     /// Byte offset of a permuted voxel.

@@ -384,19 +384,25 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 16] {
-        let mut rows = [avx2!(_mm256_setzero_si256()); 16];
-        for (row, words) in rows.iter_mut().enumerate() {
+    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 32] {
+        let mut halves = [[avx2!(_mm256_setzero_si256()); 16]; 2];
+        let [low, high] = &mut halves;
+        for (row, (low, high)) in low.iter_mut().zip(high).enumerate() {
             // SAFETY: the caller's promise.
-            *words = unsafe { load_16_voxels(format, from.offset(row.cast_signed() * pitch)) };
+            unsafe {
+                let from = from.offset(row.cast_signed() * pitch);
+                *low = load_16_voxels(format, from);
+                *high = load_16_voxels(format, from.add(16 * format.bytes()));
+            }
         }
-        let rows = avx2!(transpose(rows));
-        let mut square = [[0_u16; 16]; 16];
-        for (row, words) in square.iter_mut().zip(rows) {
+        let mut rows = [[0_u16; 16]; 32];
+        let [low, high] = halves;
+        let transposed = avx2!([transpose(low), transpose(high)]);
+        for (row, words) in rows.iter_mut().zip(transposed.as_flattened()) {
             // SAFETY: a row is as long as a register.
-            unsafe { _mm256_storeu_si256(row.as_mut_ptr().cast(), words) };
+            unsafe { _mm256_storeu_si256(row.as_mut_ptr().cast(), *words) };
         }
-        square
+        rows
     }
 }
 

@@ -580,7 +580,7 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 16] {
+    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 32] {
         // SAFETY: the caller's promise.
         unsafe { self.0.load_transposed(format, from, pitch) }
     }

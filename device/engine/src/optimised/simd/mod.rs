@@ -292,13 +292,13 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// All lanes are in 0..=255.
     unsafe fn factor(self, table: &Self::Factors, index: Self::Words) -> Self::Words;
 
-    /// Reads 16 voxels from each of 16 places `pitch` bytes apart, as [`Self::load_voxels`] does, and transposes
+    /// Reads 32 voxels from each of 16 places `pitch` bytes apart, as [`Self::load_voxels`] does, and transposes
     /// them: word `i` from place `j` becomes word `j` of row `i`.
     ///
     /// # Safety
     ///
     /// As for [`Self::load_voxels`].
-    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 16];
+    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 32];
 }
 
 /// What is made of a level's operations.

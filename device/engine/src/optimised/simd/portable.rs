@@ -287,7 +287,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 16] {
+    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 32] {
         // SAFETY: the caller's promise.
         let voxel = |row: usize, column: usize| unsafe {
             load_voxel(format, from.offset(row.cast_signed() * pitch).add(column * format.bytes()))

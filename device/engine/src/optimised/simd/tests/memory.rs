@@ -76,10 +76,10 @@ work!(transposed_voxels, |simd| {
     for format in FORMATS {
         for pitch in [32, 33, 200, 0, -31, -200_isize] {
             let start = if pitch < 0 { 3500 } else { 11 };
-            // SAFETY: 15 steps and a row from there remain within the memory.
+            // SAFETY: 15 steps and 32 voxels from there remain within the memory.
             let found = unsafe { simd.load_transposed(format, memory.as_ptr().add(start), pitch) };
             let from = |row: usize| start.strict_add_signed(row.cast_signed() * pitch);
-            let expected: [[u16; 16]; 16] =
+            let expected: [[u16; 16]; 32] =
                 from_fn(|word| from_fn(|row| voxel(format, &memory, from(row) + word * format.bytes())));
             assert_eq!(found, expected, "{format:?} {pitch}");
         }
