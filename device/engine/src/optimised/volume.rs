@@ -131,30 +131,18 @@ impl<'a> Volume<'a> {
         }
     }
 
-    /// Asks for voxels of a row, which will be brought in after those at y of slice z: slice by slice all of them, and
-    /// one after the other, for at once they would wait for each other.
+    /// Asks for the row at y of slice z, which will be brought in soon. Only where voxels follow each other along x:
+    /// along other axes so many lines share their places in the caches that they would not stay.
     #[inline(always)]
-    pub fn prefetch<S: Simd>(&self, simd: S, y: i32, z: i32) {
+    pub fn prefetch_row<S: Simd>(&self, simd: S, y: i32, z: i32) {
         let [width, height, depth] = self.size;
         let [Ok(y), Ok(z)] = [usize::try_from(y), usize::try_from(z)] else { return };
-        if y >= height || z >= depth {
+        if self.contiguous != 0 || y >= height || z >= depth {
             return;
         }
-        if self.contiguous == 0 {
-            let start = self.offset([0, y, z]);
-            for offset in (0..width * self.format.bytes()).step_by(CACHE_LINE) {
-                self.prefetch_line(simd, start.wrapping_add_unsigned(offset));
-            }
-        } else if self.contiguous == 2 {
-            // Of the next group of slices a share of the row with each slice of this one.
-            let Range { start, end } = self.slices_with(z);
-            let next = self.slices_with(end.min(depth - 1));
-            let lowest = if self.strides[2] < 0 { next.end - 1 } else { next.start };
-            let share = width.div_ceil(GROUP);
-            let first = (z - start) * share;
-            for x in first..(first + share).min(width) {
-                self.prefetch_line(simd, self.offset([x, y, lowest]));
-            }
+        let start = self.offset([0, y, z]);
+        for offset in (0..width * self.format.bytes()).step_by(CACHE_LINE) {
+            self.prefetch_line(simd, start.wrapping_add_unsigned(offset));
         }
     }
 
@@ -208,6 +196,12 @@ impl<'a> Volume<'a> {
                     let [y, z] = at(lowest, across);
                     let start = self.offset([x, y, z]);
                     let rows = self.load_group(simd, start);
+                    // The group behind these rows is next.
+                    let [y, z] = at(lowest, across + 1);
+                    let next = self.offset([x, y, z]);
+                    for step in 0..SQUARE.cast_signed() {
+                        self.prefetch_line(simd, next.wrapping_add(step * self.strides[0]));
+                    }
                     for index in here.clone() {
                         let [y, z] = at(index, across);
                         lines.at(y, z).store_16(x, &rows[index.abs_diff(lowest) % GROUP]);
