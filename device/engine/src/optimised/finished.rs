@@ -106,11 +106,9 @@ impl Finished {
             let mut more = false;
             for column in (0..self.columns).step_by(LANES) {
                 let alive = accumulators.less_opaque(simd, place, column, self.limit);
-                let at = MARGIN + column;
-                let (word, shift) = (at / 64, at % 64);
-                let finished = !(alive << shift) & u64::MAX << shift;
-                more |= finished & !row.rays[word] != 0;
-                row.rays[word] |= finished;
+                let known = &mut row.rays[(MARGIN + column) / LANES];
+                more |= !alive & !*known != 0;
+                *known |= !alive;
             }
             if more {
                 row.any = true;
@@ -156,6 +154,7 @@ impl Finished {
     }
 }
 
+const _: () = assert!(LANES == 64 && MARGIN.is_multiple_of(LANES), "a vector of rays is a word");
 const _: () = assert!(CELL == 32 && WORDS <= 16, "a cell is four times eight rays, a row 128 times");
 
 #[cfg(test)]

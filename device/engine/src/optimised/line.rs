@@ -19,21 +19,25 @@ pub struct Line([u16; MARGIN + VOXELS + MARGIN]);
 pub struct Block([usize; 2]);
 
 impl Block {
-    /// Halves, by how many lie before each in the line. Where there is no second one, its words lie behind the line's.
+    /// The halves of these numbers. Where there is no second one, or no such half in a line, it lies behind the words.
     #[inline(always)]
     #[must_use]
-    pub const fn of_halves(first: usize, second: Option<usize>) -> Self {
-        let second = match second {
-            Some(second) => second * HALF,
-            None => VOXELS,
-        };
-        Self([first * HALF, if second < VOXELS { second } else { VOXELS }])
+    pub fn of_halves(first: usize, second: Option<usize>) -> Self {
+        const BEHIND: usize = VOXELS / HALF;
+        Self([first, second.unwrap_or(BEHIND)].map(|half| half.min(BEHIND) * HALF))
     }
 
     /// Those next to each other that cover the first `words` of a line.
     #[inline(always)]
     pub fn covering(words: usize) -> impl Iterator<Item = Self> {
         (0..words.min(VOXELS).div_ceil(LANES)).map(|block| Self([block * LANES, block * LANES + HALF]))
+    }
+
+    /// How many of the words are a line's.
+    #[inline(always)]
+    #[must_use]
+    pub fn words(self) -> usize {
+        self.0.into_iter().filter(|start| *start < VOXELS).count() * HALF
     }
 
     /// First words of the halves.

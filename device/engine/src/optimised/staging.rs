@@ -99,7 +99,8 @@ impl Staging {
             lines: &mut self.lines,
             capacity: self.capacity,
             slots: self.slots.len(),
-            first: [slices.start, slices.start % self.slots.len()],
+            first_slice: slices.start,
+            first_slot: slices.start % self.slots.len(),
             first_row: rows.start,
         };
         volume.load(simd, rows.clone(), slices.clone(), &mut lines);

@@ -150,6 +150,7 @@ impl Sampled<'_> {
         let along_x = (slice.x.weight, x_leave_out);
         for ray in self.rays.start - tile.margin..self.rays.end + tile.margin {
             let voxel_y = ray + slice.y.first;
+            // Asked for all at once the rows of a slice would wait for each other.
             prepared.volume.prefetch_row(simd, voxel_y + 1, slice.below + 2 + tile.margin);
             let corners = [self.window.rows(1, voxel_y), self.window.rows(2, voxel_y)];
             let own = decisions.row(tile.place(ray));

@@ -24,8 +24,10 @@ pub struct Lines<'a> {
     pub capacity: usize,
     /// Slots; slice z is in slot z modulo their number.
     pub slots: usize,
-    /// The first of the slices that are brought in, and its slot.
-    pub first: [usize; 2],
+    /// The first of the slices that are brought in.
+    pub first_slice: usize,
+    /// The slot of that slice.
+    pub first_slot: usize,
     /// The row that the first line of each slot is.
     pub first_row: usize,
 }
@@ -34,8 +36,8 @@ impl Lines<'_> {
     /// The line of the row at y of slice z.
     #[inline(always)]
     fn at(&mut self, y: usize, z: usize) -> &mut Line {
-        let [first, slot] = self.first;
-        let slot = slot + z - first;
+        // Not modulo: a division takes longer than the words that are written.
+        let slot = self.first_slot + z - self.first_slice;
         let slot = if slot < self.slots { slot } else { slot - self.slots };
         &mut self.lines[slot * self.capacity + y - self.first_row]
     }

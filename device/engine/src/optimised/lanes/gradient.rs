@@ -2,7 +2,7 @@
 
 use crate::frame::FrameDescription;
 use crate::optimised::line::{Block, Line};
-use crate::optimised::simd::{Simd, SimdExt, each};
+use crate::optimised::simd::{Simd, each};
 
 /// How differences along permuted axes become a gradient in object axes.
 #[derive(Clone, Copy, Debug)]

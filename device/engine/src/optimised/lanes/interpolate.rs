@@ -2,9 +2,9 @@
 
 use crate::optimised::cells::Cells;
 use crate::optimised::line::{Block, Line};
-use crate::optimised::simd::{Simd, SimdExt, each};
+use crate::optimised::simd::{Simd, each};
 
-/// A weight of 8 fraction bits as [`SimdExt::lerp`] takes it.
+/// A weight of 8 fraction bits as [`Simd::lerp`] takes it.
 #[inline(always)]
 pub fn weight<S: Simd>(simd: S, weight: i16) -> S::Words {
     simd.splat(weight << 7)

@@ -8,9 +8,9 @@ use super::{composite, composite::product};
 use crate::optimised::accumulators::{ALPHA, Accumulators, RayRow, Row, SumRow, no_extreme};
 use crate::optimised::cells::Cells;
 use crate::optimised::features::{Features, Specialisation};
-use crate::optimised::line::{Block, Line, VOXELS};
+use crate::optimised::line::{Block, Line};
 use crate::optimised::prepared::Prepared;
-use crate::optimised::simd::{HALF, Simd, SimdExt, each};
+use crate::optimised::simd::{HALF, Simd, each};
 use crate::optimised::tables::Classification;
 use core::ops::Range;
 use vg500_regs::BlendMode;
@@ -138,8 +138,7 @@ impl<'a, S: Simd, Z: Specialisation> Shader<'a, S, Z> {
             if self.leave_out_transparent {
                 let found = classify();
                 if !simd.any(simd.greater(found[ALPHA], simd.splat(0))) {
-                    transparent += block.starts().into_iter().filter(|start| *start < VOXELS).count() as u64
-                        * HALF as u64;
+                    transparent += block.words() as u64;
                     continue;
                 }
                 entries = Some(found);

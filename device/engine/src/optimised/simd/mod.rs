@@ -9,6 +9,7 @@ mod avx2;
 mod avx512;
 mod level;
 mod portable;
+mod small;
 #[cfg(test)]
 mod tests;
 
@@ -31,67 +32,6 @@ macro_rules! each {
     };
 }
 pub(crate) use each;
-
-/// What a level says that has no operations of its own on small numbers: they are words.
-macro_rules! small_numbers_are_words {
-    () => {
-        #[inline(always)]
-        fn narrow(self, a: Self::Words) -> Self::Words {
-            a
-        }
-
-        #[inline(always)]
-        fn widen_high(self, a: Self::Words) -> Self::Words {
-            self.shift_left::<8>(a)
-        }
-
-        #[inline(always)]
-        fn splat_small(self, value: i8) -> Self::Words {
-            self.splat(value.into())
-        }
-
-        #[inline(always)]
-        fn add_small(self, a: Self::Words, b: Self::Words) -> Self::Words {
-            self.add(a, b)
-        }
-
-        #[inline(always)]
-        fn min_small(self, a: Self::Words, b: Self::Words) -> Self::Words {
-            self.min(a, b)
-        }
-
-        #[inline(always)]
-        fn max_small(self, a: Self::Words, b: Self::Words) -> Self::Words {
-            self.max(a, b)
-        }
-
-        #[inline(always)]
-        fn absolute_small(self, a: Self::Words) -> Self::Words {
-            self.absolute(a)
-        }
-
-        #[inline(always)]
-        fn with_sign_small(self, magnitude: Self::Words, sign: Self::Words) -> Self::Words {
-            self.with_sign(magnitude, sign)
-        }
-
-        #[inline(always)]
-        fn greater_small(self, a: Self::Words, b: Self::Words) -> Self::Mask {
-            self.greater(a, b)
-        }
-
-        #[inline(always)]
-        fn both_small(self, a: Self::Mask, b: Self::Mask) -> Self::Mask {
-            self.both(a, b)
-        }
-
-        #[inline(always)]
-        fn select_small(self, mask: Self::Mask, yes: Self::Words, no: Self::Words) -> Self::Words {
-            self.select(mask, yes, no)
-        }
-    };
-}
-use small_numbers_are_words;
 
 /// Lanes of a vector: two halves, which need not lie next to each other in memory.
 pub const LANES: usize = 64;
@@ -186,6 +126,12 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn multiply_high_signed(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// (a b + 2^14) >> 15, all signed. Not for a = b = -2^15.
     fn multiply_round(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// `a + (b - a) w`, rounded half up; the weight has 8 fraction bits and is given times 2^7
+    /// ([`crate::stage::interpolate::lerp`]).
+    #[inline(always)]
+    fn lerp(self, a: Self::Words, b: Self::Words, weight: Self::Words) -> Self::Words {
+        self.add(a, self.multiply_round(self.subtract(b, a), weight))
+    }
     /// (a + b + 1) >> 1 without overflow.
     fn average(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// The lesser, signed.
@@ -300,18 +246,6 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// As for [`Self::load_voxels`].
     unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 32];
 }
-
-/// What is made of a level's operations.
-pub trait SimdExt: Simd {
-    /// `a + (b - a) w`, rounded half up; the weight has 8 fraction bits and is given times 2^7
-    /// ([`crate::stage::interpolate::lerp`]).
-    #[inline(always)]
-    fn lerp(self, a: Self::Words, b: Self::Words, weight: Self::Words) -> Self::Words {
-        self.add(a, self.multiply_round(self.subtract(b, a), weight))
-    }
-}
-
-impl<S: Simd> SimdExt for S {}
 
 /// A value of which the compiler knows nothing: it would make the slower gather instructions of look-ups.
 #[cfg(target_arch = "x86_64")]

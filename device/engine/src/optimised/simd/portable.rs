@@ -1,6 +1,7 @@
 //! 64 lanes in portable Rust.
 
-use super::{DARK, HALF, LANES, Simd, Work, small_numbers_are_words};
+use super::small::small_numbers_are_words;
+use super::{DARK, HALF, LANES, Simd, Work};
 use crate::fixed::{FULL, product, unity};
 use crate::optimised::reciprocal::GRADIENT;
 use crate::optimised::tables::{Classification, ReflectanceMap};

@@ -3,7 +3,7 @@
 mod look_ups;
 mod memory;
 
-use super::{HALF, LANES, Level, Simd, SimdExt, Work};
+use super::{HALF, LANES, Level, Simd, Work};
 use crate::stage::interpolate;
 
 /// Where signs, carries and tables begin and end.
