@@ -40,7 +40,7 @@ impl Omissions {
         let allowed = |omission| allowed(frame, omission);
         let blend = frame.output.blend;
         let alpha = blend == BlendMode::Alpha;
-        let opaque = (alpha && allowed(omitted::EMPTY_BLOCKS)).then(|| Opaque::new(table));
+        let partly_opaque = alpha.then(|| Opaque::new(table)).filter(|opaque| !opaque.all());
         let most = most_opaque(frame, table);
         let goes_on = frame.output.accumulators.is_some();
         let finishes =
@@ -48,12 +48,12 @@ impl Omissions {
         Self {
             interpolation: [omitted::INTERPOLATION_X, omitted::INTERPOLATION_Y, omitted::INTERPOLATION_Z]
                 .map(allowed),
-            empty: opaque.filter(|opaque| !opaque.all()),
             beaten: matches!(blend, BlendMode::Maximum | BlendMode::Minimum)
                 && allowed(omitted::BEATEN_BLOCKS),
             finished: finishes.then(|| finishing_opacity(most)),
             hidden: allowed(omitted::HIDDEN_BLOCKS),
-            transparent: allowed(omitted::TRANSPARENT_BLOCKS),
+            transparent: allowed(omitted::TRANSPARENT_BLOCKS) && partly_opaque.is_some(),
+            empty: partly_opaque.filter(|_| allowed(omitted::EMPTY_BLOCKS)),
         }
     }
 }
