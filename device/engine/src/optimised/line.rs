@@ -80,10 +80,10 @@ impl Line {
         unsafe { simd.store(block.0.map(|start| self.0.as_mut_ptr().add(MARGIN + start)), words) }
     }
 
-    /// Writes 16 words at a multiple of 16.
+    /// Writes the words of half a vector at a multiple of as many.
     #[inline(always)]
-    pub fn store_16(&mut self, start: usize, words: &[u16; 16]) {
-        if let Some(place) = self.0[MARGIN..].as_chunks_mut::<16>().0.get_mut(start / 16) {
+    pub fn store_half(&mut self, start: usize, words: &[u16; HALF]) {
+        if let Some(place) = self.0[MARGIN..].as_chunks_mut::<HALF>().0.get_mut(start / HALF) {
             *place = *words;
         }
     }

@@ -3,7 +3,7 @@
 
 use super::line::Line;
 use super::ranges::Ranges;
-use super::simd::Simd;
+use super::simd::{Simd, Square};
 use super::volume::{Lines, Volume};
 use core::ops::Range;
 
@@ -14,6 +14,8 @@ const WINDOW: usize = 4;
 #[derive(Debug, Default)]
 pub struct Staging {
     lines: Vec<Line>,
+    /// Where columns of voxels become rows.
+    squares: Vec<Square>,
     slots: Vec<Slot>,
     /// The ranges of the voxels of each slot.
     ranges: Vec<Ranges>,
@@ -97,6 +99,7 @@ impl Staging {
         }
         let mut lines = Lines {
             lines: &mut self.lines,
+            squares: &mut self.squares,
             capacity: self.capacity,
             slots: self.slots.len(),
             first_slice: slices.start,

@@ -2,7 +2,7 @@
 //! permutations over whole tables, so tables are looked up word by word.
 
 use super::small::small_numbers_are_words;
-use super::{HALF, Simd, Work, each};
+use super::{HALF, Simd, Square, Work, each};
 use crate::optimised::tables::{Classification, ReflectanceMap};
 use crate::stage::reflectance::HALF_FACE;
 use core::arch::x86_64::*;
@@ -166,6 +166,11 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn prefetch(self, address: *const u8) {
         avx2!(_mm_prefetch::<_MM_HINT_T0>(address.cast()));
+    }
+
+    #[inline(always)]
+    fn prefetch_into_second(self, address: *const u8) {
+        avx2!(_mm_prefetch::<_MM_HINT_T1>(address.cast()));
     }
 
     #[inline(always)]
@@ -371,25 +376,19 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 32] {
-        let mut halves = [[avx2!(_mm256_setzero_si256()); 16]; 2];
-        let [low, high] = &mut halves;
-        for (row, (low, high)) in low.iter_mut().zip(high).enumerate() {
-            // SAFETY: the caller's promise.
+    unsafe fn load_half_of_voxels(self, format: VoxelFormat, from: *const u8, to: &mut [u16; HALF]) {
+        for half in [0, 16] {
+            // SAFETY: the caller's promise; two registers are half a vector.
             unsafe {
-                let from = from.offset(row.cast_signed() * pitch);
-                *low = load_16_voxels(format, from);
-                *high = load_16_voxels(format, from.add(16 * format.bytes()));
+                let voxels = load_16_voxels(format, from.add(half * format.bytes()));
+                _mm256_storeu_si256(to.as_mut_ptr().add(half).cast(), voxels);
             }
         }
-        let mut rows = [[0_u16; 16]; 32];
-        let [low, high] = halves;
-        let transposed = avx2!([transpose(low), transpose(high)]);
-        for (row, words) in rows.iter_mut().zip(transposed.as_flattened()) {
-            // SAFETY: a row is as long as a register.
-            unsafe { _mm256_storeu_si256(row.as_mut_ptr().cast(), *words) };
-        }
-        rows
+    }
+
+    #[inline(always)]
+    fn transpose(self, square: &mut Square) {
+        avx2!(transpose(square));
     }
 }
 

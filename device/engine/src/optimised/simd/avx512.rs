@@ -2,7 +2,7 @@
 //! bytes look whole tables up in registers, for all lanes at once.
 
 use super::avx2::Avx2;
-use super::{Simd, Work, each};
+use super::{HALF, Simd, Square, Work, each};
 use crate::optimised::tables::{Classification, ReflectanceMap};
 use crate::stage::reflectance::HALF_FACE;
 use core::arch::x86_64::*;
@@ -44,9 +44,11 @@ macro_rules! registers {
 }
 
 mod look_ups;
+mod transpose;
 use look_ups::{
     Factors, GRADIENTS, Parities, Vertices, blend_entries, bytes_at, classify, interleave, seeds,
 };
+use transpose::transpose;
 
 impl Simd for Avx512 {
     type Words = Words;
@@ -108,24 +110,8 @@ impl Simd for Avx512 {
 
     #[inline(always)]
     unsafe fn load_voxels(self, format: VoxelFormat, from: *const u8) -> Words {
-        // SAFETY: the caller's promise; an 8-bit format has half as many bytes.
-        unsafe {
-            each!([0, 32], |voxel| {
-                let from = from.add(voxel * format.bytes());
-                match format {
-                    VoxelFormat::Uint8 => {
-                        _mm512_slli_epi16::<7>(_mm512_cvtepu8_epi16(_mm256_loadu_si256(from.cast())))
-                    }
-                    VoxelFormat::Uint12Lower => {
-                        _mm512_srli_epi16::<1>(_mm512_slli_epi16::<4>(_mm512_loadu_si512(from.cast())))
-                    }
-                    VoxelFormat::Uint12Upper => {
-                        let words = _mm512_srli_epi16::<1>(_mm512_loadu_si512(from.cast()));
-                        _mm512_and_si512(words, _mm512_set1_epi16(0x7ff8))
-                    }
-                }
-            })
-        }
+        // SAFETY: the caller's promise.
+        unsafe { each!([0, 32], |voxel| load_32_voxels(format, from.add(voxel * format.bytes()))) }
     }
 
     #[inline(always)]
@@ -146,6 +132,11 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn prefetch(self, address: *const u8) {
         avx512!(_mm_prefetch::<_MM_HINT_T0>(address.cast()));
+    }
+
+    #[inline(always)]
+    fn prefetch_into_second(self, address: *const u8) {
+        avx512!(_mm_prefetch::<_MM_HINT_T1>(address.cast()));
     }
 
     #[inline(always)]
@@ -404,9 +395,38 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 32] {
-        // SAFETY: the caller's promise.
-        unsafe { self.0.load_transposed(format, from, pitch) }
+    unsafe fn load_half_of_voxels(self, format: VoxelFormat, from: *const u8, to: &mut [u16; HALF]) {
+        // SAFETY: the caller's promise; a register is half a vector.
+        unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), load_32_voxels(format, from)) };
+    }
+
+    #[inline(always)]
+    fn transpose(self, square: &mut Square) {
+        avx512!(transpose(square));
+    }
+}
+
+/// Reads 32 voxels with guard bits.
+///
+/// # Safety
+///
+/// They can be read there.
+#[inline(always)]
+unsafe fn load_32_voxels(format: VoxelFormat, from: *const u8) -> __m512i {
+    // SAFETY: the caller's promise; an 8-bit format has half as many bytes.
+    unsafe {
+        match format {
+            VoxelFormat::Uint8 => {
+                _mm512_slli_epi16::<7>(_mm512_cvtepu8_epi16(_mm256_loadu_si256(from.cast())))
+            }
+            VoxelFormat::Uint12Lower => {
+                _mm512_srli_epi16::<1>(_mm512_slli_epi16::<4>(_mm512_loadu_si512(from.cast())))
+            }
+            VoxelFormat::Uint12Upper => {
+                let words = _mm512_srli_epi16::<1>(_mm512_loadu_si512(from.cast()));
+                _mm512_and_si512(words, _mm512_set1_epi16(0x7ff8))
+            }
+        }
     }
 }
 

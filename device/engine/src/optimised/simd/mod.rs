@@ -38,6 +38,21 @@ pub const LANES: usize = 64;
 /// Lanes of half a vector.
 pub const HALF: usize = LANES / 2;
 
+/// Rows of half a vector, as many as each has words.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub struct Square {
+    /// The rows.
+    pub rows: [[u16; HALF]; HALF],
+    /// Else the same row of many squares would fall into the same few places of the cache.
+    space: [u16; HALF],
+}
+
+impl Square {
+    /// Of zeros.
+    pub const ZERO: Self = Self { rows: [[0; HALF]; HALF], space: [0; HALF] };
+}
+
 /// The face behind those of a reflectance map.
 pub const DARK: i8 = 6;
 
@@ -113,6 +128,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     unsafe fn add_to_sums(self, sums: [*mut u32; 2], words: Self::Words);
     /// Asks for the cache line at an address, which need not be one of anything.
     fn prefetch(self, address: *const u8);
+    /// As [`Self::prefetch`], but no nearer than into the second cache: it has room for more lines in each place.
+    fn prefetch_into_second(self, address: *const u8);
 
     /// a + b, modulo 2^16.
     fn add(self, a: Self::Words, b: Self::Words) -> Self::Words;
@@ -238,13 +255,14 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// All lanes are in 0..=255.
     unsafe fn factor(self, table: &Self::Factors, index: Self::Words) -> Self::Words;
 
-    /// Reads 32 voxels from each of 16 places `pitch` bytes apart, as [`Self::load_voxels`] does, and transposes
-    /// them: word `i` from place `j` becomes word `j` of row `i`.
+    /// Reads half a vector of voxels as [`Self::load_voxels`] does.
     ///
     /// # Safety
     ///
     /// As for [`Self::load_voxels`].
-    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 32];
+    unsafe fn load_half_of_voxels(self, format: VoxelFormat, from: *const u8, to: &mut [u16; HALF]);
+    /// Transposes a square.
+    fn transpose(self, square: &mut Square);
 }
 
 /// A value of which the compiler knows nothing: it would make the slower gather instructions of look-ups.

@@ -1,7 +1,7 @@
 //! 64 lanes in portable Rust.
 
 use super::small::small_numbers_are_words;
-use super::{DARK, HALF, LANES, Simd, Work};
+use super::{DARK, HALF, LANES, Simd, Square, Work};
 use crate::fixed::{FULL, product, unity};
 use crate::optimised::reciprocal::GRADIENT;
 use crate::optimised::tables::{Classification, ReflectanceMap};
@@ -98,6 +98,9 @@ impl Simd for Portable {
 
     #[inline(always)]
     fn prefetch(self, _address: *const u8) {}
+
+    #[inline(always)]
+    fn prefetch_into_second(self, _address: *const u8) {}
 
     #[inline(always)]
     fn add(self, a: Words, b: Words) -> Words {
@@ -288,12 +291,17 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    unsafe fn load_transposed(self, format: VoxelFormat, from: *const u8, pitch: isize) -> [[u16; 16]; 32] {
-        // SAFETY: the caller's promise.
-        let voxel = |row: usize, column: usize| unsafe {
-            load_voxel(format, from.offset(row.cast_signed() * pitch).add(column * format.bytes()))
-        };
-        from_fn(|row| from_fn(|column| voxel(column, row)))
+    unsafe fn load_half_of_voxels(self, format: VoxelFormat, from: *const u8, to: &mut [u16; HALF]) {
+        for (voxel, word) in to.iter_mut().enumerate() {
+            // SAFETY: the caller's promise.
+            *word = unsafe { load_voxel(format, from.add(voxel * format.bytes())) };
+        }
+    }
+
+    #[inline(always)]
+    fn transpose(self, square: &mut Square) {
+        let rows = square.rows;
+        square.rows = from_fn(|row| from_fn(|column| rows[column][row]));
     }
 }
 

@@ -1,7 +1,7 @@
 //! Words, sums and voxels in memory.
 
 use super::{at_every_level, lanes, load, random, work};
-use crate::optimised::simd::{HALF, LANES, Simd, Work};
+use crate::optimised::simd::{HALF, LANES, Simd, Square, Work};
 use crate::stage::interpolate;
 use core::array::from_fn;
 use vg500_regs::VoxelFormat;
@@ -71,17 +71,24 @@ work!(voxels_of_all_formats_and_values, |simd| {
     }
 });
 
-work!(transposed_voxels, |simd| {
-    let memory: Vec<_> = random(5).map(|word| word as u8).take(4096).collect();
+work!(halves_of_voxels, |simd| {
+    let memory: Vec<_> = random(5).map(|word| word as u8).take(200).collect();
     for format in FORMATS {
-        for pitch in [32, 33, 200, 0, -31, -200_isize] {
-            let start = if pitch < 0 { 3500 } else { 11 };
-            // SAFETY: 15 steps and 32 voxels from there remain within the memory.
-            let found = unsafe { simd.load_transposed(format, memory.as_ptr().add(start), pitch) };
-            let from = |row: usize| start.strict_add_signed(row.cast_signed() * pitch);
-            let expected: [[u16; 16]; 32] =
-                from_fn(|word| from_fn(|row| voxel(format, &memory, from(row) + word * format.bytes())));
-            assert_eq!(found, expected, "{format:?} {pitch}");
+        for start in 0..=200 - HALF * format.bytes() {
+            let mut found = [0x5555; HALF];
+            // SAFETY: as many voxels lie there.
+            unsafe { simd.load_half_of_voxels(format, memory.as_ptr().add(start), &mut found) };
+            let expected = from_fn(|word| voxel(format, &memory, start + word * format.bytes()));
+            assert_eq!(found, expected, "{format:?} {start}");
         }
+    }
+});
+
+work!(transposition, |simd| {
+    let mut square = Square::ZERO;
+    square.rows = from_fn(|row| from_fn(|column| (HALF * row + column) as u16));
+    simd.transpose(&mut square);
+    for (row, words) in square.rows.into_iter().enumerate() {
+        assert_eq!(words, from_fn(|column| (HALF * column + row) as u16), "{row}");
     }
 });
