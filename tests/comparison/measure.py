@@ -19,6 +19,8 @@ HERE = Path(__file__).parent
 BEGIN, END = "<!-- tests/compare begins -->", "<!-- tests/compare ends -->"
 # Programs take turns, so that all see the same disturbances: turns, and frames of each program in a turn.
 TURNS, FRAMES = 3, {"vtk": 7, "volpack": 15, "ours": 21}
+# Load average above which times of two threads say little.
+BUSY = 0.5
 # VolPack keeps opacities in 8 bits; smaller ones vanish.
 LEAST_OPACITY = 0.5 / 255
 
@@ -248,6 +250,9 @@ def main():
     arguments = parser.parse_args()
     if arguments.pictures:
         arguments.pictures.mkdir(parents=True, exist_ok=True)
+    load = os.getloadavg()[0]
+    if load > BUSY:
+        print(f"compare: this machine is busy (load average {load:.1f}): times will be too long", file=sys.stderr)
     sections = []
     with tempfile.TemporaryDirectory() as folder:
         for volume in VOLUMES:
@@ -264,7 +269,6 @@ def main():
             sections.append((subject.heading(), rows))
             if arguments.pictures:
                 sheet(arguments.pictures / f"{volume.name}.png", pictures, arguments)
-    print(f"\nload average {os.getloadavg()[0]:.1f}")
     if arguments.markdown:
         rewrite(arguments.markdown, report(sections, arguments))
 
