@@ -209,8 +209,8 @@ def processor():
 
 def report(sections, arguments):
     version = vtk.vtkVersion().GetVTKVersion()
-    theirs, volpack, ours = (TURNS * FRAMES[name] for name in ("vtk", "volpack", "ours"))
-    text = [f"{processor()}; VTK {version}. Milliseconds, best of {theirs} frames of VTK, {volpack} of VolPack and"]
+    vtk_frames, volpack, ours = (TURNS * FRAMES[name] for name in ("vtk", "volpack", "ours"))
+    text = [f"{processor()}; VTK {version}. Milliseconds, best of {vtk_frames} frames of VTK, {volpack} of VolPack and"]
     text.append(f"{ours} of ours; medians in brackets.")
     if not arguments.volpack:
         text.append("VolPack was not to be had.")
