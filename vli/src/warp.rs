@@ -1,7 +1,7 @@
 //! The warp of a base plane to the picture: what the companion graphics card of the paper (section 2) does
 //! by texture mapping, in integers, so that every machine shows the same picture.
 
-use glam::{DAffine2, DVec2};
+use glam::DAffine2;
 
 use crate::geometry::ImageSize;
 
@@ -9,6 +9,8 @@ use crate::geometry::ImageSize;
 const FRACTION: u32 = 16;
 /// One pixel in that format.
 const ONE: f64 = (1_u32 << FRACTION) as f64;
+/// Pixels whose places in the base plane are computed together.
+const BLOCK: usize = 16;
 /// The weights of four neighbours sum to this.
 const UNITY: u64 = 1 << (2 * FRACTION);
 
@@ -64,30 +66,100 @@ impl<'a> BasePlanePixels<'a> {
         self.pixels.get(place..).and_then(<[u8]>::first_chunk).copied().unwrap_or_default()
     }
 
-    /// Bilinear interpolation at a position, with weights that sum to [`UNITY`]; `None` where no pixel of the
-    /// plane is a neighbour.
-    fn bilinear(&self, position: DVec2) -> Option<[u64; 4]> {
-        // One pixel beyond the plane is interpolated with zero. Shifted by one pixel, so that truncation is
-        // floor.
-        let shifted = (position + 1.0) * ONE + 0.5;
-        let end = [0, 1].map(|axis| (f64::from(self.size[axis]) + 1.0) * ONE);
-        let near = shifted.x >= 0.0 && shifted.y >= 0.0 && shifted.x < end[0] && shifted.y < end[1];
-        if !near {
-            return None;
-        }
-        let [x, y] = [shifted.x as i64, shifted.y as i64];
+    /// Pixels at (`column`, `row`) and to the right of it, as the bytes of a word.
+    fn pair(&self, column: i64, row: i64) -> u64 {
+        let [left, right] = [column, column + 1].map(|column| u32::from_le_bytes(self.at(column, row)));
+        u64::from(left) | u64::from(right) << 32
+    }
+
+    /// Two pixels that are in the plane and lie side by side, as the bytes of a word.
+    #[inline(always)]
+    fn word(&self, place: usize) -> u64 {
+        self.pixels.get(place..).and_then(<[u8]>::first_chunk).map_or(0, |pair| u64::from_le_bytes(*pair))
+    }
+
+    /// The four neighbours of a position as [`fixed`] gives it; `None` where there are none, or all are zero.
+    #[inline(always)]
+    fn neighbours(&self, x: i64, y: i64) -> Option<Neighbours> {
         let [column, row] = [(x >> FRACTION) - 1, (y >> FRACTION) - 1];
+        let [width, height] = self.size.map(i64::from);
+        let (upper, lower) = if (0..width - 1).contains(&column) && (0..height - 1).contains(&row) {
+            let place = row as usize * self.pitch + column as usize * 4;
+            (self.word(place), self.word(place + self.pitch))
+        } else if (-1..width).contains(&column) && (-1..height).contains(&row) {
+            (self.pair(column, row), self.pair(column, row + 1))
+        } else {
+            return None;
+        };
         let [right, below] = [x, y].map(|value| value as u32 & ((1 << FRACTION) - 1));
-        let left = (1 << FRACTION) - right;
-        let (above, below) = (u64::from((1 << FRACTION) - below), u64::from(below));
-        let upper = [self.at(column, row), self.at(column + 1, row)];
-        let lower = [self.at(column, row + 1), self.at(column + 1, row + 1)];
-        let mut sum = [0; 4];
-        for (channel, sum) in sum.iter_mut().enumerate() {
-            let across = |[a, b]: [[u8; 4]; 2]| u32::from(a[channel]) * left + u32::from(b[channel]) * right;
-            *sum = u64::from(across(upper)) * above + u64::from(across(lower)) * below;
-        }
-        Some(sum)
+        (upper | lower != 0).then_some(Neighbours { upper, lower, right, below })
+    }
+}
+
+/// Positions `start + step * (first + i)` along an axis of `size` pixels, in fractions and shifted by one pixel. What
+/// is outside is -1 or lies behind one pixel more than there are.
+#[inline(always)]
+fn fixed(start: f64, step: f64, first: f64, size: u32) -> [i64; BLOCK] {
+    // A sum of this order has whole numbers in its last bits.
+    const BIAS: f64 = 1.5 * (1_u64 << 52) as f64;
+    // One pixel beyond the plane is interpolated with zero.
+    let end = (f64::from(size) + 1.0) * ONE;
+    let mut positions = [0; BLOCK];
+    for (place, position) in positions.iter_mut().enumerate() {
+        // Every position is computed for itself: errors do not add up along a row.
+        let shifted = (step * (first + place as f64) + start + 1.0) * ONE + 0.5;
+        // No number becomes -1, too.
+        let whole = shifted.floor().max(-1.0).min(end);
+        *position = (whole + BIAS).to_bits().wrapping_sub(BIAS.to_bits()).cast_signed();
+    }
+    positions
+}
+
+/// Pixels of the upper and of the lower row, left and right in a word, and the weights of the right and lower ones.
+#[derive(Clone, Copy)]
+struct Neighbours {
+    upper: u64,
+    lower: u64,
+    right: u32,
+    below: u32,
+}
+
+impl Neighbours {
+    /// Bilinear interpolation, with weights that sum to [`UNITY`].
+    fn bilinear(self) -> [u64; 4] {
+        let [left, above] = [self.right, self.below].map(|weight| (1 << FRACTION) - weight);
+        core::array::from_fn(|channel| {
+            let across = |pair: u64| {
+                let pair = pair.to_le_bytes();
+                u32::from(pair[channel]) * left + u32::from(pair[channel + 4]) * self.right
+            };
+            u64::from(across(self.upper)) * u64::from(above)
+                + u64::from(across(self.lower)) * u64::from(self.below)
+        })
+    }
+
+    /// [`bilinear`](Self::bilinear), where a pixel's channels are one vector of 64-bit integers.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn bilinear_avx2(self) -> [u64; 4] {
+        use core::arch::x86_64::*;
+        let [left, above] = [self.right, self.below].map(|weight| (1 << FRACTION) - weight);
+        let weights = |weight: u32| _mm256_set1_epi64x(weight.into());
+        let weighted = |a, weight_a, b, weight_b| {
+            _mm256_add_epi64(_mm256_mul_epu32(a, weights(weight_a)), _mm256_mul_epu32(b, weights(weight_b)))
+        };
+        let channels = |pixel: u64| _mm256_cvtepu8_epi64(_mm_cvtsi64_si128(pixel.cast_signed()));
+        let across = |pair| weighted(channels(pair), left, channels(pair >> 32), self.right);
+        let sum = weighted(across(self.upper), above, across(self.lower), self.below);
+        let [low, high] = [_mm256_castsi256_si128(sum), _mm256_extracti128_si256::<1>(sum)];
+        [
+            _mm_cvtsi128_si64(low),
+            _mm_extract_epi64::<1>(low),
+            _mm_cvtsi128_si64(high),
+            _mm_extract_epi64::<1>(high),
+        ]
+        .map(i64::cast_unsigned)
     }
 }
 
@@ -123,24 +195,84 @@ pub fn warp(
     size: ImageSize,
     background: Background,
 ) -> Vec<u8> {
+    #[cfg(target_arch = "x86_64")]
+    if std::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has what the function is compiled for.
+        return unsafe { warp_avx2(plane, image_from_base_plane, size, background) };
+    }
+    warp_with(plane, image_from_base_plane, size, background, Neighbours::bilinear)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn warp_avx2(
+    plane: &BasePlanePixels<'_>,
+    image_from_base_plane: &DAffine2,
+    size: ImageSize,
+    background: Background,
+) -> Vec<u8> {
+    warp_with(plane, image_from_base_plane, size, background, |neighbours| neighbours.bilinear_avx2())
+}
+
+/// The warp, with one of two ways to do the same arithmetic.
+#[inline(always)]
+fn warp_with(
+    plane: &BasePlanePixels<'_>,
+    image_from_base_plane: &DAffine2,
+    size: ImageSize,
+    background: Background,
+    bilinear: impl Fn(Neighbours) -> [u64; 4],
+) -> Vec<u8> {
     let base_plane_from_image = image_from_base_plane.inverse();
-    let channels = background.channels();
-    let (width, height) = (size.width() as usize, size.height() as usize);
-    let mut picture = vec![0; width * height * channels];
-    for (row, pixels) in picture.chunks_exact_mut(width * channels).enumerate() {
-        let DAffine2 { matrix2, translation } = base_plane_from_image;
-        // Every position is computed for itself: errors do not add up along a row.
-        let row_start = matrix2.y_axis * row as f64 + translation;
-        for (column, pixel) in pixels.chunks_exact_mut(channels).enumerate() {
-            let position = matrix2.x_axis * column as f64 + row_start;
-            let sum = plane.bilinear(position).unwrap_or([0; 4]);
-            match background {
-                Background::Color(color) => pixel.copy_from_slice(&over(sum, color)),
-                Background::Transparent => pixel.copy_from_slice(&unpremultiplied(sum)),
+    let pixels = size.width() as usize * size.height() as usize;
+    match background {
+        Background::Color(color) => {
+            let mut picture = color.repeat(pixels);
+            if color == [0; 3] {
+                rows(plane, &base_plane_from_image, size, &mut picture, |it| over_black(bilinear(it)));
+            } else {
+                rows(plane, &base_plane_from_image, size, &mut picture, |it| over(bilinear(it), color));
+            }
+            picture
+        }
+        Background::Transparent => {
+            let mut picture = vec![0; 4 * pixels];
+            rows(plane, &base_plane_from_image, size, &mut picture, |it| unpremultiplied(bilinear(it)));
+            picture
+        }
+    }
+}
+
+/// Draws what is not background, row by row.
+#[inline(always)]
+fn rows<const CHANNELS: usize>(
+    plane: &BasePlanePixels<'_>,
+    base_plane_from_image: &DAffine2,
+    size: ImageSize,
+    picture: &mut [u8],
+    draw: impl Fn(Neighbours) -> [u8; CHANNELS],
+) {
+    let DAffine2 { matrix2, translation } = *base_plane_from_image;
+    for (row, pixels) in picture.chunks_exact_mut(size.width() as usize * CHANNELS).enumerate() {
+        let start = matrix2.y_axis * row as f64 + translation;
+        let step = matrix2.x_axis;
+        for (block, pixels) in pixels.as_chunks_mut().0.chunks_mut(BLOCK).enumerate() {
+            let first = (block * BLOCK) as f64;
+            let x = fixed(start.x, step.x, first, plane.size[0]);
+            let y = fixed(start.y, step.y, first, plane.size[1]);
+            for (pixel, (x, y)) in pixels.iter_mut().zip(x.iter().zip(&y)) {
+                if let Some(neighbours) = plane.neighbours(*x, *y) {
+                    *pixel = draw(neighbours);
+                }
             }
         }
     }
-    picture
+}
+
+/// Colour over black: as [`over`], where 255 is a factor of everything and cancels out.
+#[inline(always)]
+fn over_black([red, green, blue, _]: [u64; 4]) -> [u8; 3] {
+    [red, green, blue].map(|color| ((color + UNITY / 2) / UNITY) as u8)
 }
 
 /// Colour over a background, rounded once. More colour than opacity, which sums can have, saturates.
@@ -165,7 +297,7 @@ fn unpremultiplied([red, green, blue, alpha]: [u64; 4]) -> [u8; 4] {
 
 #[cfg(test)]
 mod tests {
-    use glam::DMat2;
+    use glam::{DMat2, DVec2};
     use proptest::prelude::*;
 
     use super::*;
@@ -262,6 +394,24 @@ mod tests {
     }
 
     proptest! {
+        #[cfg(target_arch = "x86_64")]
+        #[test]
+        fn vectors_interpolate_as_numbers_do(
+            upper in any::<u64>(), lower in any::<u64>(), right in 0..1_u32 << FRACTION, below in 0..1_u32 << FRACTION,
+        ) {
+            prop_assume!(std::is_x86_feature_detected!("avx2"));
+            for (right, below) in [(right, below), (0, below), (right, 0), (right, 0xffff), (0xffff, below)] {
+                let neighbours = Neighbours { upper, lower, right, below };
+                // SAFETY: the processor has what the function is compiled for.
+                prop_assert_eq!(unsafe { neighbours.bilinear_avx2() }, neighbours.bilinear());
+            }
+        }
+
+        #[test]
+        fn black_is_a_background_like_others(sums in prop::array::uniform4(0..=255 * UNITY)) {
+            prop_assert_eq!(over_black(sums), over(sums, [0; 3]));
+        }
+
         #[test]
         fn interpolation_is_bilinear(
             plane_size in [1..6_u32, 1..6_u32],

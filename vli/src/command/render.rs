@@ -1,6 +1,6 @@
 //! `volumepro render`.
 
-use super::arguments::{Explained, Render};
+use super::arguments::{Explained, Look, Render};
 use super::card::{Description, Target};
 use super::error::Error;
 use super::input::Loaded;
@@ -17,7 +17,7 @@ use std::fmt::Display;
 use std::io::Cursor;
 use std::mem::ManuallyDrop;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Renders a volume to a picture.
 pub fn run(arguments: &Render) -> Result<(), Error> {
@@ -38,9 +38,10 @@ pub fn run(arguments: &Render) -> Result<(), Error> {
         Some(preset) => say(format_args!("preset {preset}")),
         None => remark_range(arguments, &loaded),
     }
-    let (base_plane, statistics) = render(arguments, &loaded, &context, &mut target)?;
+    let window = Window { camera: &camera, size, background: background(&arguments.look) };
+    let (picture, statistics) = render(arguments, &loaded, &context, &window, &mut target)?;
     drop(ManuallyDrop::into_inner(target));
-    save(&base_plane, &camera, size, arguments)?;
+    write_png(&arguments.output, &picture, &window)?;
     arguments.stats.map_or(Ok(()), |format| statistics.print(format))
 }
 
@@ -56,29 +57,45 @@ pub fn check_output(path: &Path) -> Result<(), Error> {
     output::check(path).map_err(|error| Error::input(format!("{}: {error}", path.display())))
 }
 
-/// Renders all frames, explains the last one if asked for, and returns its base plane and the statistics of all.
+/// What the picture shows of a base plane.
+struct Window<'a> {
+    camera: &'a Camera,
+    size: ImageSize,
+    background: Background,
+}
+
+fn background(look: &Look) -> Background {
+    look.background.0.map_or(Background::Transparent, Background::Color)
+}
+
+/// A frame: what it was, and how long its warp took.
+struct Frame {
+    report: FrameReport,
+    warp_time: Duration,
+}
+
+/// Renders all frames, explains the last one if asked for, and returns its picture and the statistics of all.
 fn render(
     arguments: &Render,
     loaded: &Loaded,
     context: &Context,
+    window: &Window<'_>,
     target: &mut Target,
-) -> Result<(BasePlane, Statistics), Error> {
+) -> Result<(Vec<u8>, Statistics), Error> {
     let started = Instant::now();
     target.load(loaded)?;
     target.detail(arguments.explain.is_some());
     target.keep(arguments.card.keep.mask());
     let upload = started.elapsed();
-    let mut reports: Vec<FrameReport> = Vec::new();
-    let mut last = {
+    let mut frames: Vec<Frame> = Vec::new();
+    let (mut last, mut picture) = {
         let _busy = Busy::new("rendering");
-        target.render(context, loaded)?
+        frame(context, loaded, window, target, &mut frames)?
     };
-    reports.push(last.report);
     let mut progress = Progress::new("rendering");
-    for frame in 1..arguments.frames {
-        progress.update(frame.into(), arguments.frames.into());
-        last = target.render(context, loaded)?;
-        reports.push(last.report);
+    for place in 1..arguments.frames {
+        progress.update(place.into(), arguments.frames.into());
+        (last, picture) = frame(context, loaded, window, target, &mut frames)?;
     }
     drop(progress);
     if arguments.explain.is_some() {
@@ -89,8 +106,9 @@ fn render(
         explain::measure(target, context, loaded, &last)?;
     }
     let Description { renderer, architecture, simd, threads } = target.describe();
-    let (render_ms, render_ms_all) = times(&reports, |report| report.engine_time);
-    let (frame_ms, frame_ms_all) = times(&reports, |report| report.frame_time);
+    let (render_ms, render_ms_all) = times(&frames, |frame| frame.report.engine_time);
+    let (frame_ms, frame_ms_all) = times(&frames, |frame| frame.report.frame_time);
+    let (warp_ms, warp_ms_all) = times(&frames, |frame| frame.warp_time);
     let statistics = Statistics {
         dimensions: loaded.volume.size(),
         base_plane: last.view.base_plane().size(),
@@ -98,9 +116,11 @@ fn render(
         samples_processed: last.report.samples_processed,
         render_ms,
         frame_ms,
+        warp_ms,
         upload_ms: milliseconds(upload),
         render_ms_all,
         frame_ms_all,
+        warp_ms_all,
         left_out: explain::left_out(&last.report),
         renderer,
         architecture,
@@ -108,28 +128,54 @@ fn render(
         threads,
         modelled_cycles: last.report.cycles,
     };
-    Ok((last, statistics))
+    Ok((picture, statistics))
 }
 
-/// Warps a base plane to the picture and writes it.
-fn save(base_plane: &BasePlane, camera: &Camera, size: ImageSize, arguments: &Render) -> Result<(), Error> {
-    let [width, _] = base_plane.size.map(|side| side as usize);
-    let pixels =
-        BasePlanePixels::new(&base_plane.pixels, base_plane.size, width * 4).map_err(Error::failure)?;
-    let map = base_plane.view.image_from_base_plane(&base_plane.plane, camera, size);
-    let (background, color) = match arguments.look.background.0 {
-        Some(color) => (Background::Color(color), ColorType::Rgb8),
-        None => (Background::Transparent, ColorType::Rgba8),
-    };
-    let picture = warp(&pixels, &map, size, background);
-    write_png(&arguments.output, &picture, size, color)
+/// Renders a frame and warps its base plane to a picture.
+fn frame(
+    context: &Context,
+    loaded: &Loaded,
+    window: &Window<'_>,
+    target: &mut Target,
+    frames: &mut Vec<Frame>,
+) -> Result<(BasePlane, Vec<u8>), Error> {
+    let base_plane = target.render(context, loaded)?;
+    let started = Instant::now();
+    let picture = window.show(&base_plane)?;
+    frames.push(Frame { report: base_plane.report, warp_time: started.elapsed() });
+    Ok((base_plane, picture))
 }
 
-fn write_png(path: &Path, picture: &[u8], size: ImageSize, color: ColorType) -> Result<(), Error> {
+impl Window<'_> {
+    /// Warps a base plane to the picture.
+    fn show(&self, base_plane: &BasePlane) -> Result<Vec<u8>, Error> {
+        let [width, _] = base_plane.size.map(|side| side as usize);
+        let pixels =
+            BasePlanePixels::new(&base_plane.pixels, base_plane.size, width * 4).map_err(Error::failure)?;
+        let map = base_plane.view.image_from_base_plane(&base_plane.plane, self.camera, self.size);
+        Ok(warp(&pixels, &map, self.size, self.background))
+    }
+
+    const fn color(&self) -> ColorType {
+        match self.background {
+            Background::Color(_) => ColorType::Rgb8,
+            Background::Transparent => ColorType::Rgba8,
+        }
+    }
+}
+
+fn write_png(path: &Path, picture: &[u8], window: &Window<'_>) -> Result<(), Error> {
     let failure = |error: &dyn Display| Error::failure(format!("{}: {error}", path.display()));
     let mut png = Cursor::new(Vec::new());
-    let [width, height] = [size.width(), size.height()];
-    image::write_buffer_with_format(&mut png, picture, width, height, color, image::ImageFormat::Png)
-        .map_err(|error| failure(&error))?;
+    let [width, height] = [window.size.width(), window.size.height()];
+    image::write_buffer_with_format(
+        &mut png,
+        picture,
+        width,
+        height,
+        window.color(),
+        image::ImageFormat::Png,
+    )
+    .map_err(|error| failure(&error))?;
     output::write_whole(path, |file| file.write_all(png.get_ref())).map_err(|error| failure(&error))
 }

@@ -3,7 +3,6 @@
 use super::arguments::StatsFormat;
 use super::error::Error;
 use super::messages::print;
-use crate::FrameReport;
 use serde::Serialize;
 use std::time::Duration;
 
@@ -22,12 +21,16 @@ pub struct Statistics {
     pub render_ms: f64,
     /// From submission until pixels were readable, median over frames.
     pub frame_ms: f64,
+    /// Time of the warp of the base plane to the picture, median over frames.
+    pub warp_ms: f64,
     /// Time to bring the volume into voxel memory.
     pub upload_ms: f64,
     /// Time in the engine of each frame.
     pub render_ms_all: Vec<f64>,
     /// Time of each frame.
     pub frame_ms_all: Vec<f64>,
+    /// Time of the warp of each frame.
+    pub warp_ms_all: Vec<f64>,
     /// What the engine left out.
     pub left_out: Vec<String>,
     /// Which renderer the card runs.
@@ -57,8 +60,8 @@ impl Statistics {
 }
 
 /// Times in milliseconds, and their median.
-pub fn times(reports: &[FrameReport], time: impl Fn(&FrameReport) -> Duration) -> (f64, Vec<f64>) {
-    let all: Vec<f64> = reports.iter().map(|report| milliseconds(time(report))).collect();
+pub fn times<T>(frames: &[T], time: impl Fn(&T) -> Duration) -> (f64, Vec<f64>) {
+    let all: Vec<f64> = frames.iter().map(|frame| milliseconds(time(frame))).collect();
     let mut sorted = all.clone();
     sorted.sort_by(f64::total_cmp);
     let middle = sorted.len() / 2;
