@@ -1,5 +1,6 @@
 //! Transposition of voxels.
 
+use crate::optimised::simd::eights::transpose_eights;
 use crate::optimised::simd::{Square, each};
 use core::arch::x86_64::*;
 
@@ -37,23 +38,13 @@ fn store(square: &mut Square, row: usize, words: __m512i) {
     unsafe { _mm512_store_si512(square.rows[row].as_mut_ptr().cast(), words) };
 }
 
-/// Transposes the 8 rows of 8 words in each quarter of the registers.
-#[inline]
-#[target_feature(enable = "avx512f,avx512bw")]
-fn transpose_eights(rows: [__m512i; 8]) -> [__m512i; 8] {
-    let [a, b, c, d, e, f, g, h] = rows;
-    // Words of two rows, then pairs of words of four, then fours of words of all eight.
-    let two = |a, b| [_mm512_unpacklo_epi16(a, b), _mm512_unpackhi_epi16(a, b)];
-    let four = |a, b| [_mm512_unpacklo_epi32(a, b), _mm512_unpackhi_epi32(a, b)];
-    let eight = |a, b| [_mm512_unpacklo_epi64(a, b), _mm512_unpackhi_epi64(a, b)];
-    let [[ab, ab_high], [cd, cd_high]] = [two(a, b), two(c, d)];
-    let [[ef, ef_high], [gh, gh_high]] = [two(e, f), two(g, h)];
-    let [[first, second], [third, fourth]] = [four(ab, cd), four(ab_high, cd_high)];
-    let [[first_below, second_below], [third_below, fourth_below]] = [four(ef, gh), four(ef_high, gh_high)];
-    let [[a, b], [c, d]] = [eight(first, first_below), eight(second, second_below)];
-    let [[e, f], [g, h]] = [eight(third, third_below), eight(fourth, fourth_below)];
-    [a, b, c, d, e, f, g, h]
-}
+transpose_eights!(
+    "avx512f,avx512bw",
+    __m512i,
+    [_mm512_unpacklo_epi16, _mm512_unpackhi_epi16],
+    [_mm512_unpacklo_epi32, _mm512_unpackhi_epi32],
+    [_mm512_unpacklo_epi64, _mm512_unpackhi_epi64]
+);
 
 /// Transposes 4 rows of quarters.
 #[inline]
