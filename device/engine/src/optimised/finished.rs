@@ -54,12 +54,22 @@ impl Row {
     /// Gathers what is asked for slice by slice.
     fn gather(&mut self) {
         let mut eights = 0u128;
-        for (place, byte) in self.rays.iter().flat_map(|word| word.to_le_bytes()).enumerate() {
-            eights |= u128::from(byte == u8::MAX) << place;
+        for (place, word) in self.rays.iter().enumerate() {
+            eights |= u128::from(full_bytes(*word)) << (8 * place);
         }
         self.cells = eights & eights >> 1 & eights >> 2 & eights >> 3;
         self.longer_cells = self.cells & eights >> 4;
     }
+}
+
+/// A bit for each byte of a word: whether all bits of it are set.
+#[inline(always)]
+const fn full_bytes(word: u64) -> u8 {
+    let fours = word & word >> 4;
+    let pairs = fours & fours >> 2;
+    let full = pairs & pairs >> 1 & 0x0101_0101_0101_0101;
+    // The lowest bit of byte n goes to bit 56 + n; no other product reaches the top byte with a carry.
+    (full.wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
 }
 
 /// Which rays of a tile are finished.
@@ -171,6 +181,17 @@ mod tests {
         }
         assert_eq!(finishing_opacity(FULL), FULL);
         assert_eq!(finishing_opacity(40), 4044);
+    }
+
+    #[test]
+    fn full_bytes_are_those_of_which_all_bits_are_set() {
+        for pattern in 0..=u8::MAX {
+            for almost in [0, 0x7f, 0xfe, 0xef] {
+                let bytes: [u8; 8] =
+                    core::array::from_fn(|byte| if pattern >> byte & 1 != 0 { u8::MAX } else { almost });
+                assert_eq!(full_bytes(u64::from_le_bytes(bytes)), pattern);
+            }
+        }
     }
 
     #[test]
