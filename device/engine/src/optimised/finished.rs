@@ -68,7 +68,7 @@ const fn full_bytes(word: u64) -> u8 {
     let fours = word & word >> 4;
     let pairs = fours & fours >> 2;
     let full = pairs & pairs >> 1 & 0x0101_0101_0101_0101;
-    // The lowest bit of byte n goes to bit 56 + n; no other product reaches the top byte with a carry.
+    // The lowest bit of byte n goes to bit 56 + n: no two of the products are of one bit, so nothing carries.
     (full.wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
 }
 

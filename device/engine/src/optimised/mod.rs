@@ -194,8 +194,8 @@ impl Tile<'_, '_> {
     }
 }
 
-/// The way of a tile through the volume. Each specialisation is a function of its own: in one of all of them, what
-/// changes in one place makes the others faster or slower by a tenth.
+/// The way of a tile through the volume, as work of its own, so that each specialisation becomes a function of its
+/// own. In one function of all of them a change to one made others faster or slower by a tenth.
 struct March<'t, 'a, 'b, Z> {
     tile: &'t mut Tile<'a, 'b>,
     specialisation: Z,
